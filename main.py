@@ -1,0 +1,272 @@
+"""Seep: water seeping through cloth. The command line, and nothing else: parse, call, print."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer.exceptions import TyperException
+
+from sim.errors import ConfigError, SeepError
+
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")  # before anything imports Taichi
+
+app = typer.Typer(
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Simulate water seeping through cloth, and show it. One scene file in; pictures, a film and a ledger out.",
+)
+
+Scene = Annotated[str, typer.Argument(help="A name in configs/scenes, or the path of a scene file.")]
+Run = Annotated[str, typer.Argument(help="A run's folder, or scene/number such as seep/003, or a scene: its newest.")]
+Settings = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set a key; may be repeated.")]
+Quick = Annotated[bool, typer.Option("--quick", help="Lay the scene's [quick] section over it: coarse, in seconds.")]
+Frames = Annotated[int | None, typer.Option(min=1, help="Simulate this many frames instead of run.duration.")]
+Arch = Annotated[str | None, typer.Option(help="cpu | cuda | vulkan | metal")]
+Threads = Annotated[int | None, typer.Option(help="Threads of the cpu; 0 takes every core. The bits are the same.")]
+Precision = Annotated[str | None, typer.Option(help="f32 | f64")]
+Seed = Annotated[int | None, typer.Option(help="Of the jitter of emitters.")]
+
+
+@app.command()
+def scenes(
+    methods: Annotated[bool, typer.Option("--methods", help="Every method a scene can name, with parameters.")] = False,
+    fabric: Annotated[str | None, typer.Option(help="Show a fabric card and what follows from it.")] = None,
+) -> None:
+    """List the demo scenes, a line each."""
+    from sim import listing
+
+    if methods:
+        print(listing.methods())
+    elif fabric:
+        print(listing.fabric(fabric))
+    else:
+        print(listing.scenes())
+
+
+@app.command()
+def run(
+    scene: Scene,
+    settings: Settings = None,
+    out: Annotated[Path | None, typer.Option(help="The run's folder: absent or empty.")] = None,
+    frames: Frames = None,
+    quick: Quick = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with --out, or the newest unfinished run.")] = False,
+    no_render: Annotated[bool, typer.Option("--no-render", help="Simulate only; `video` draws later.")] = False,
+    arch: Arch = None,
+    threads: Threads = None,
+    precision: Precision = None,
+    seed: Seed = None,
+) -> None:
+    """Simulate a scene, draw it, make the film."""
+    from sim import run as runs
+
+    config = _config(scene, settings, quick, frames, arch=arch, threads=threads, precision=precision, seed=seed)
+    where = runs.plan(config, out, resume)
+    if where.finished:
+        folder = runs.RunFolder(where.path)
+        print(f"{folder.label}: finished already")
+    else:
+        world = _world(config)
+        drawn = None if no_render else _draw_to_png(config)
+        with _progress("simulating", world.frame_count) as reach:
+            folder = runs.drive(world, config, where, _each(drawn, reach))
+        print(f"{folder.label}: {world.frame_count} frames, ledger {folder.ledger}")
+    if not no_render:
+        _chart(folder)
+        _film(folder, config)
+        print(f"{folder.label}: film {folder.video}")
+
+
+@app.command()
+def video(
+    name: Run,
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="Pixels, such as 634x356; even numbers.")] = None,
+    fps: Annotated[int | None, typer.Option(min=1, help="Frames a second of the film; the run's own if left out.")] = None,
+    eye: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Where the camera stands [m].")] = None,
+    target: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="What it looks at [m].")] = None,
+    fov: Annotated[str | None, typer.Option(metavar="ANGLE", help="Vertical field of view, such as '32 deg'.")] = None,
+    out: Annotated[Path | None, typer.Option(help="The film; RUN/video.mp4 if left out.")] = None,
+) -> None:
+    """Draw a finished run again: other camera, size or speed."""
+    from sim import config, runtime
+    from sim import run as runs
+
+    folder = runs.find(name)
+    settings = [f"render.size=[{size.replace('x', ',')}]"] if size else []
+    settings += [f"render.camera.{k}=[{v}]" for k, v in (("eye", eye), ("target", target)) if v]
+    settings += [f"render.camera.fov={fov}"] if fov else []
+    again = config.load(folder.config, settings)
+    if not folder.frames():
+        raise ConfigError(f"{folder.label}: holds no frames")
+    runtime.start(again.run.arch, again.run.threads or None, again.run.precision)
+    film = out or folder.video
+    _film(folder, again, film, fps, anew=True)
+    print(f"{folder.label}: film {film}")
+
+
+@app.command()
+def view(
+    scene: Scene,
+    settings: Settings = None,
+    quick: Quick = False,
+    frames: Frames = None,
+    capture: Annotated[Path | None, typer.Option(help="Drive the window unseen and write its PNGs here.")] = None,
+    arch: Arch = None,
+    threads: Threads = None,
+    precision: Precision = None,
+) -> None:
+    """Watch a scene live: drag to orbit, space to pause, s to step, r to start again, escape to leave."""
+    config = _config(scene, settings, quick, frames, arch=arch, threads=threads, precision=precision)
+    world = _world(config)
+    from render import draw, window
+
+    start = world.save()
+
+    def reset():
+        world.load(start)
+        return world.snapshot()
+
+    def step():
+        return world.advance() if world.frame_index < world.frame_count else None
+
+    shown = window.live(step, reset, draw.draw, _look(config), world.static, config.name, capture)
+    if capture:
+        print(f"{config.name}: {shown} pictures in {capture}")
+
+
+@app.command()
+def doctor(scene: Annotated[str | None, typer.Argument(help="A scene: what it costs, which limits bind.")] = None) -> None:
+    """What this machine can do, in ten lines; of a scene, which limit binds and what it costs."""
+    from sim import doctor as doctors
+
+    print(doctors.scene(scene) if scene else doctors.machine())
+
+
+def _config(scene: str, settings: list[str] | None, quick: bool, frames: int | None = None, **options):
+    """The scene with the command line's keys over it; options are keys of [run]."""
+    from sim import config
+
+    settings = [*(settings or []), *(f"run.{k}={v}" for k, v in options.items() if v is not None)]
+    if frames:
+        settings.append(f"run.duration={frames / config.load(scene, settings, quick).run.fps!r}")
+    loaded = config.load(scene, settings, quick)
+    for warning in loaded.warnings:
+        print(f"{loaded.name}: {warning}", file=sys.stderr)
+    return loaded
+
+
+def _world(config):
+    """Start Taichi and build the scene: the one heavy step before the first frame."""
+    from sim import runtime
+
+    runtime.start(config.run.arch, config.run.threads or None, config.run.precision)
+    from sim.world import World
+
+    return World(config)
+
+
+def _look(config):
+    from render.draw import Look
+
+    r = config.render
+    return Look(size=r.size, eye=r.camera.eye, target=r.camera.target, fov=r.camera.fov, light=r.light.direction)
+
+
+def _draw_to_png(config) -> Callable:
+    """on_frame of a run: each frame drawn and written as it comes."""
+    from render import draw, image
+    from sim import frame
+
+    look, static = _look(config), []
+
+    def drawn(folder, index, snapshot):
+        if not static:
+            static.append(frame.read(folder.static, frame.Static))
+        image.write_png(folder.image(index), draw.draw(snapshot, look, static[0]))
+
+    return drawn
+
+
+def _each(drawn: Callable | None, reach: Callable[[int], None]) -> Callable:
+    def each(folder, index, snapshot):
+        if drawn:
+            drawn(folder, index, snapshot)
+        reach(index)
+
+    return each
+
+
+def _film(folder, config, path: Path | None = None, fps: int | None = None, anew: bool = False) -> None:
+    """The film of a run, from its pictures, or drawn from its frames where there are none (or `anew`)."""
+    from imageio.v3 import imread
+
+    from render import draw, film
+    from sim import frame
+
+    numbers, look = folder.frames(), _look(config)
+    static = frame.read(folder.static, frame.Static)
+
+    def pictures():
+        with _progress("filming", len(numbers)) as reach:
+            for done, n in enumerate(numbers, 1):
+                if anew or not folder.image(n).exists():
+                    yield draw.draw(frame.read(folder.frame(n)), look, static)
+                else:
+                    yield imread(folder.image(n))
+                reach(done)
+
+    film.write_film(path or folder.video, pictures(), look.size, fps or config.run.fps)
+
+
+def _chart(folder) -> None:
+    from render import charts
+
+    charts.ledger_chart(folder.ledger, folder.path / "ledger.png")
+
+
+@contextmanager
+def _progress(what: str, total: int) -> Iterator[Callable[[int], None]]:
+    """A bar with the time left; silent where the output is no terminal."""
+    if not sys.stderr.isatty():
+        yield lambda done: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; errors are one line on stderr, the exit code is returned."""
+    try:
+        code = app(arguments or sys.argv[1:] or ["--help"], standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except SeepError as error:
+        return _fail(str(error), error.exit_code)
+    except (KeyboardInterrupt, typer.Abort):
+        return _fail("interrupted; the same command with --resume goes on", 130)
+    except TyperException as error:
+        return _fail(error.format_message(), ConfigError.exit_code)
+    except MemoryError:
+        return _fail("out of memory; use a larger spacing", 4)
+    except OSError as error:
+        return _fail(f"{error.filename or 'disk'}: {error.strerror or error}", 4)
+
+
+def _fail(line: str, code: int) -> int:
+    print(" ".join(line.split()), file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,146 @@
+"""draw(frame, look, static) -> uint8 picture: what the rest of Seep calls."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import taichi as ti
+
+from render import image, opaque, raster
+from render.camera import VEC3, lens, look_at
+from render.cloth import Sheet
+from render.light import DISC, GLASS_SHADE, Light
+from render.water import Water, shade_water
+from sim.frame import Frame, Static
+
+NO_POINTS, NO_TRIANGLES = np.zeros((1, 3), np.float32), np.zeros((1, 3), np.int32)
+NO_PAIRS = np.zeros((1, 2), np.float32)
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a scene is seen: z is up, lengths in metres.
+
+    size    (w, h)  pixels
+    eye, target     the camera stands at one and looks at the other
+    fov             vertical field of view [rad]
+    light           direction in which sunlight travels
+    tile            side of a check of the ground
+    """
+
+    size: tuple[int, int] = (1280, 720)
+    eye: tuple[float, float, float] = (0.34, -0.38, 0.33)
+    target: tuple[float, float, float] = (0.0, 0.0, 0.13)
+    fov: float = math.radians(32.0)
+    light: tuple[float, float, float] = (-0.5, -0.3, -1.0)
+    tile: float = 0.05
+
+
+_renderers: dict[tuple[int, int], Renderer] = {}
+
+
+def draw(frame: Frame, look: Look, static: Static) -> np.ndarray:
+    """Picture of `frame`, uint8 (h, w, 3); the same frame gives the same bits on any number of threads."""
+    size = (int(look.size[0]), int(look.size[1]))
+    if size not in _renderers:
+        _renderers[size] = Renderer(size)
+    return _renderers[size].draw(frame, look, static)
+
+
+class Renderer:
+    """Buffers for pictures of one size, and the order in which they are filled."""
+
+    def __init__(self, size: tuple[int, int]):
+        self.size = size
+        width, height = size
+        self.keys = ti.ndarray(ti.i64, (height, width, 4))
+        self.image, self.facets = ti.ndarray(VEC3, (height, width)), ti.ndarray(opaque.VEC4, (height, width))
+        self.water = None
+        self.pixels = np.zeros((height, width, 3), np.uint8)
+        self.light = Light()
+        self.static, self.sheet = None, None
+
+    def draw(self, frame: Frame, look: Look, static: Static) -> np.ndarray:
+        """See `draw`."""
+        self._meet(static)
+        view, glass = look_at(look.eye, look.target), lens(self.size, look.fov)
+        to_sun = (-np.asarray(look.light) / np.linalg.norm(look.light)).astype(np.float32)
+        first_solid = self._opaque(frame, look, static, view, glass, to_sun)
+        picture = self.image
+        if frame.fluid_x is not None and len(frame.fluid_x):
+            picture = self._water(frame, float(static.spacing), view, glass, to_sun, first_solid)
+        if self.solids:
+            opaque.overlay_walls(
+                view, glass, to_sun, self.keys, self.fronts, first_solid, self.solid_x, self.solid_triangles, picture
+            )
+        image.develop(picture, image.CURVE, self.pixels)
+        return self.pixels.copy()
+
+    def _meet(self, static: Static) -> None:
+        """Topology, once a run."""
+        if static is self.static:
+            return
+        self.static, self.sheet, self.seen_from = static, None, None
+        self.solids = static.solid_triangles is not None and len(static.solid_triangles) > 0
+        self.solid_x, self.solid_triangles, self.backs, self.fronts = NO_POINTS, NO_TRIANGLES, self.keys, self.keys
+        if static.cloth_triangles is not None:
+            self.sheet = Sheet(static.cloth_triangles, static.cloth_uv)
+        if self.solids:
+            self.solid_x = np.ascontiguousarray(static.solid_x, np.float32)
+            self.solid_triangles = np.ascontiguousarray(static.solid_triangles, np.int32)
+            self.backs, self.fronts = (ti.ndarray(ti.i64, self.keys.shape) for _ in range(2))
+
+    def _opaque(self, frame: Frame, look: Look, static: Static, view, glass, to_sun) -> int:
+        """Everything but water into self.image, and what each sample sees into self.keys."""
+        cloth = self.sheet is not None and frame.cloth_x is not None
+        meshes, first_solid = [], 0
+        raster.clear(self.keys, raster.EMPTY)
+        sheet_arrays = (NO_POINTS, NO_POINTS, NO_PAIRS, NO_PAIRS, NO_TRIANGLES)
+        colour, hem = np.zeros(3, np.float32), np.zeros(4, np.float32)
+        if cloth:
+            sheet = self.sheet
+            sheet.update(frame)
+            first_solid = len(sheet.triangles)
+            meshes.append((sheet.points, sheet.triangles, 0, 0.8))
+            sheet_arrays = (sheet.points, sheet.normals, sheet.wetness, sheet.uv, sheet.triangles)
+            colour, hem = np.asarray(static.cloth_colour, np.float32), sheet.hem
+            raster.rasterise(sheet.points, sheet.triangles, 0, view, glass, 1, self.keys, self.keys, False)
+        if self.solids:
+            meshes.append((self.solid_x, self.solid_triangles, first_solid, GLASS_SHADE))
+            self._walls(view, glass, first_solid)
+        self.light.update(meshes, look.light, float(static.ground_z))
+        fade = 6.0 * math.dist(look.eye, look.target)
+        ground_z = float(static.ground_z) if not math.isnan(float(static.ground_z)) else -1e9
+        light = self.light
+        opaque.shade_opaque(
+            view, glass, to_sun, look.tile, fade, ground_z, self.keys, self.backs,
+            light.view, light.lens, light.keys, light.ranges, DISC, light.low, light.cell, light.seen, first_solid,
+            *sheet_arrays, colour, hem, self.solid_x, self.solid_triangles, self.image, self.facets, cloth, self.solids,
+        )
+        return first_solid
+
+    def _walls(self, view, glass, first_solid: int) -> None:
+        """Solids stand still: their samples are kept until the eye moves."""
+        seen_from = (view.tobytes(), glass.tobytes(), first_solid)
+        if seen_from == self.seen_from:
+            return
+        self.seen_from = seen_from
+        raster.clear(self.backs, 0)
+        raster.clear(self.fronts, raster.EMPTY)
+        arrays = (self.solid_x, self.solid_triangles, first_solid, view, glass)
+        raster.rasterise(*arrays, raster.strips(self.solid_triangles), self.fronts, self.backs, True)
+
+    def _water(self, frame: Frame, spacing: float, view, glass, to_sun, first_solid: int):
+        """The picture with water in front."""
+        if self.water is None:
+            self.water = Water(self.size)
+        water, light = self.water, self.light
+        water.surface(frame, spacing, view, glass, self.facets)
+        shade_water(
+            view, glass, to_sun, spacing, water.depths, water.reach, water.body, self.keys,
+            light.view, light.lens, light.keys, light.ranges, DISC, first_solid,
+            light.low, light.cell, light.seen, self.image, water.image,
+        )
+        return water.image

@@ -1,0 +1,199 @@
+"""Particles to screen: nearest water depth, coverage and thickness of each pixel, then one smooth surface.
+
+Sums are integers, so the order in which threads add does not matter.
+"""
+
+import taichi as ti
+
+from render.camera import VEC3, VIEW, project, ray, row
+from render.cloth import SCALARS
+from render.opaque import FACETS
+from render.raster import FAR, KEYS, POINTS, depth_of, pack
+
+REST_DENSITY = 1000.0  # [kg/m^3]: turns mass into the volume that is drawn
+FIXED = 4096.0  # units of coverage
+DEPTH_UNIT = 1e-7  # [m] of water
+BULK = 0.85  # radius of a particle among others, in spacings: neighbours merge
+OUTLINE = 0.7  # width of the blur of outlines, in that of depths
+LONE = 0.62  # (3/(4 pi))^(1/3): radius of a sphere of one particle's volume, in spacings
+COUNTS = ti.types.ndarray(dtype=ti.i32, ndim=1)
+LAYER = ti.types.ndarray(dtype=ti.i32, ndim=2)
+BODY = ti.types.ndarray(dtype=ti.types.vector(2, ti.f32), ndim=2)
+DEPTHS = ti.types.ndarray(dtype=ti.f32, ndim=2)
+
+
+@ti.func
+def bucket(cell, mask):
+    """Hash of an integer cell (Teschner 2003)."""
+    return ((cell[0] * 73856093) ^ (cell[1] * 19349663) ^ (cell[2] * 83492791)) & mask
+
+
+@ti.kernel
+def crowd(x: POINTS, mass: SCALARS, spacing: ti.f32, counts: COUNTS, company: SCALARS):
+    """How far each particle is among others: 0 alone, 1 in the bulk. Mass is spread over cells of two spacings and read back."""
+    mask = counts.shape[0] - 1
+    unit = REST_DENSITY * spacing ** 3
+    for i in range(counts.shape[0]):
+        counts[i] = 0
+    for i in range(x.shape[0]):
+        at = x[i] / (2.0 * spacing)
+        base = ti.floor(at, ti.i32)
+        f = at - base
+        for a, b, c in ti.static(ti.ndrange(2, 2, 2)):
+            weight = (f[0] if a else 1.0 - f[0]) * (f[1] if b else 1.0 - f[1]) * (f[2] if c else 1.0 - f[2])
+            add = ti.cast(FIXED * weight * mass[i] / unit + 0.5, ti.i32)
+            ti.atomic_add(counts[bucket(base + ti.Vector([a, b, c]), mask)], add)
+    for i in range(x.shape[0]):
+        at = x[i] / (2.0 * spacing)
+        base = ti.floor(at, ti.i32)
+        f = at - base
+        around = 0.0
+        for a, b, c in ti.static(ti.ndrange(2, 2, 2)):
+            weight = (f[0] if a else 1.0 - f[0]) * (f[1] if b else 1.0 - f[1]) * (f[2] if c else 1.0 - f[2])
+            around += weight * (counts[bucket(base + ti.Vector([a, b, c]), mask)] / FIXED - weight * mass[i] / unit)
+        company[i] = ti.math.smoothstep(0.15, 1.2, around)
+
+
+@ti.kernel
+def splat(
+    x: POINTS, mass: SCALARS, company: SCALARS, spacing: ti.f32, view: VIEW, lens: VEC3,
+    facets: FACETS, water: KEYS, cover: LAYER, thick: LAYER,
+):
+    """Add every particle as a ball seen in front of the opaque surfaces.
+
+    cover: sum of (R - d)/(2(R - r)), half at a lone ball's edge; thick: mean depth of water along the ray [DEPTH_UNIT].
+    """
+    height, width = water.shape[0], water.shape[1]
+    for i in range(x.shape[0]):
+        at = project(view, lens, x[i])
+        if at[2] > 0.01:
+            volume = mass[i] / REST_DENSITY
+            lone = ti.pow(0.2387324 * volume, 1.0 / 3.0)
+            radius = lone + company[i] * ti.max(BULK * spacing - lone, 0.0)
+            texel = at[2] / lens[0]
+            radius = ti.max(radius, 0.5 * texel)
+            outer = radius + ti.max(0.5 * texel, 0.22 * spacing * company[i])
+            spread = ti.max(1.5 * lone + 0.9 * spacing * company[i], 1.2 * texel)
+            peak = 3.0 * volume / (3.14159265 * spread * spread)
+            reach = ti.max(outer, spread) / texel
+            room = FAR
+            if company[i] > 0.5 and hidden(x[i], at, spacing, view, lens, facets):
+                room = 8.0 * spacing
+            x0, x1 = ti.max(ti.cast(at[0] - reach, ti.i32), 0), ti.min(ti.cast(at[0] + reach, ti.i32) + 1, width)
+            y0, y1 = ti.max(ti.cast(at[1] - reach, ti.i32), 0), ti.min(ti.cast(at[1] + reach, ti.i32) + 1, height)
+            for py in range(y0, y1):
+                for px in range(x0, x1):
+                    du, dv = (px + 0.5 - at[0]) * texel, (py + 0.5 - at[1]) * texel
+                    d_sq = du * du + dv * dv
+                    if d_sq < reach * reach * texel * texel and seen(
+                        x[i], at[2], spacing, room, view, lens, px, py, facets
+                    ):
+                        if d_sq < outer * outer:
+                            d = ti.sqrt(d_sq)
+                            front = at[2] - ti.sqrt(outer * outer - d_sq) + (outer - radius)
+                            ti.atomic_min(water[py, px, 0], pack(front, i))
+                            edge = ti.min(0.5 * (outer - d) / (outer - radius), 1.0)
+                            ti.atomic_add(cover[py, px], ti.cast(FIXED * edge, ti.i32))
+                        q = 1.0 - d_sq / (spread * spread)
+                        if q > 0.0:
+                            ti.atomic_add(thick[py, px], ti.cast(peak * q * q / DEPTH_UNIT, ti.i32))
+
+
+@ti.func
+def hidden(x, at, spacing, view, lens, facets: ti.template()):
+    """Is the very centre behind a surface? Beyond the edge of what hides it, such a ball would show as a fringe."""
+    px, py = ti.cast(ti.floor(at[0]), ti.i32), ti.cast(ti.floor(at[1]), ti.i32)
+    answer = False
+    if 0 <= px < facets.shape[1] and 0 <= py < facets.shape[0]:
+        answer = not seen(x, at[2], spacing, FAR, view, lens, px, py, facets)
+    return answer
+
+
+@ti.func
+def seen(x, depth, spacing, room, view, lens, px, py, facets: ti.template()):
+    """Is the particle on the viewer's side of what the pixel shows? Near a surface its tangent plane decides."""
+    facet = facets[py, px]
+    wall = facet[3]
+    side = wall - depth
+    if ti.abs(side) < 4.0 * spacing:
+        p = row(view, 3) + wall * ray(view, lens, px + 0.5, py + 0.5)
+        side = (x - p).dot(ti.Vector([facet[0], facet[1], facet[2]])) + 0.15 * spacing
+    return 0.0 < side < room
+
+
+@ti.func
+def bell(k, sigma):
+    """A Gaussian's shape, (1 - (k/(2.5 sigma))^2)^2, but compact and without exp."""
+    q = k / (2.5 * sigma)
+    w = ti.max(1.0 - q * q, 0.0)
+    return w * w
+
+
+@ti.kernel
+def settle(water: KEYS, company: SCALARS, depths: DEPTHS, reach: DEPTHS, spacing: ti.f32, focal: ti.f32):
+    """Keys to depths [m] (FAR without water) and to the width [pixels] over which each is to be smoothed."""
+    for y, x in ti.ndrange(depths.shape[0], depths.shape[1]):
+        key = water[y, x, 0]
+        depth = depth_of(key)
+        depths[y, x] = depth
+        if depth < 1e30:
+            reach[y, x] = ti.min(company[ti.cast(key & 0x7FFFFFFF, ti.i32)] * 1.1 * spacing * focal / depth, 24.0)
+
+
+@ti.kernel
+def smooth_depth(source: DEPTHS, target: DEPTHS, reach: DEPTHS, step_x: ti.i32, step_y: ti.i32, band: ti.f32):
+    """One sweep of a Gaussian along a row or column, in mirrored pairs.
+
+    A pair counts only while its mean lies within `band` [m] of the middle (narrow range: Truong & Yuksel 2018): a
+    slope passes however steep it is, a step to other water does not.
+    """
+    height, width = source.shape[0], source.shape[1]
+    for y, x in ti.ndrange(height, width):
+        depth = source[y, x]
+        value = depth
+        if depth < 1e30:
+            sigma = reach[y, x]
+            total, weight = depth, 1.0
+            for k in range(1, ti.cast(2.5 * sigma, ti.i32) + 1):
+                ya, xa, yb, xb = y - k * step_y, x - k * step_x, y + k * step_y, x + k * step_x
+                if ya < 0 or xa < 0 or yb >= height or xb >= width:
+                    break
+                mean = 0.5 * (source[ya, xa] + source[yb, xb])
+                if ti.abs(mean - depth) > band:
+                    break
+                w = 2.0 * bell(k, sigma)
+                total += w * mean
+                weight += w
+            value = total / weight
+        target[y, x] = value
+
+
+@ti.func
+def body_at(cover: ti.template(), thick: ti.template(), y, x):
+    """(coverage cut at 1, thickness [m]) of a pixel, clamped to the border."""
+    iy, ix = ti.math.clamp(y, 0, cover.shape[0] - 1), ti.math.clamp(x, 0, cover.shape[1] - 1)
+    return ti.Vector([ti.min(cover[iy, ix] / FIXED, 1.0), thick[iy, ix] * DEPTH_UNIT])
+
+
+@ti.kernel
+def smooth_body(cover: LAYER, thick: LAYER, reach: DEPTHS, spare: BODY, body: BODY):
+    """Coverage and thickness blurred along rows, then columns: the outline cover = 1/2 loses the bumps of its particles."""
+    height, width = body.shape[0], body.shape[1]
+    for y, x in ti.ndrange(height, width):
+        total, weight = body_at(cover, thick, y, x), 1.0
+        if cover[y, x] > 0:
+            sigma = OUTLINE * reach[y, x] + 0.05
+            for k in range(1, ti.cast(2.5 * sigma, ti.i32) + 1):
+                w = bell(k, sigma)
+                total += w * (body_at(cover, thick, y, x - k) + body_at(cover, thick, y, x + k))
+                weight += 2.0 * w
+        spare[y, x] = total / weight
+    for y, x in ti.ndrange(height, width):
+        total, weight = spare[y, x], 1.0
+        if cover[y, x] > 0:
+            sigma = OUTLINE * reach[y, x] + 0.05
+            for k in range(1, ti.cast(2.5 * sigma, ti.i32) + 1):
+                w = bell(k, sigma)
+                total += w * (spare[ti.max(y - k, 0), x] + spare[ti.min(y + k, height - 1), x])
+                weight += 2.0 * w
+        body[y, x] = total / weight

@@ -1,0 +1,172 @@
+"""XPBD in small steps: many substeps of one sweep each, all in one serial kernel."""
+
+import math
+
+import taichi as ti
+import taichi.math as tm
+
+from sim.cloth.board import LANES, Board
+from sim.cloth.contact import SolidContact
+from sim.cloth.damping import damp_relative, largest_speed
+from sim.cloth.measure import Measure
+from sim.cloth.strain_limit import Tethers
+from sim.cloth.sweep import Sweep
+from sim.model import Model, quantity
+from sim.registry import register
+from sim.stage import Build, Stage
+
+
+@register("cloth.solver", "xpbd")
+@ti.data_oriented
+class Xpbd:
+    """x* = x + h v + h^2 g, one sweep of C = |d| - L with compliance 1/k, v = (x - x_start)/h.   Macklin 2016, 2019
+
+    Reads and writes cloth.x [m], cloth.v [m/s]; reads cloth.mass [kg], cloth.inv_mass [1/kg] at each step's start,
+    so they may change between steps; gravity does not depend on them, nor do the springs.
+
+    Guests, from build.parts["guests"], take part in every substep. Each has begin(dt), end(dt), called from Python
+    around the kernel, and the @ti.func methods predict(h), project(h), finish(h), called after the sheet's own
+    prediction, after its springs and contacts, and after its velocities are known. They see and move the sheet by
+    the funcs below: position, start, velocity, weight, shift, push.
+    """
+
+    class Params(Model):
+        """[cloth.xpbd]"""
+
+        substep_max: float = quantity("0.1 ms", "time", gt=0, why="one sweep carries load about eight nodes")
+        damping: float = quantity("0.2 1/s", ge=0, why="of velocity relative to the sheet's own rigid motion")
+
+    rows = ("cloth.x", "cloth.v", "cloth.mass", "cloth.inv_mass")
+    scratch = ()
+
+    def __init__(self, build: Build, params: Params):
+        sheet, cloth = build.scene.sheet, build.config.cloth
+        self.params, self.sheet = params, sheet
+        self.node_count = len(sheet.x)
+        self.gravity = tuple(build.config.space.gravity)
+        self.x, self.v = build.state["cloth.x"], build.state["cloth.v"]
+        self.mass, self.inv_mass = build.state["cloth.mass"], build.state["cloth.inv_mass"]
+        self.board = Board(sheet.shape)
+        self.sweep = Sweep(sheet.families, self.board, cloth.strain_limit)
+        self.tethers = Tethers(sheet, self.board, cloth.strain_limit)
+        self.contact = SolidContact(build.scene.solids.primitives, sheet.thickness, self.board)
+        self.measure = Measure(sheet, self.x, self.v, self.mass)
+        self.guests = build.parts.setdefault("guests", [])
+
+    def stages(self) -> tuple[Stage, ...]:
+        """One: the sheet, and what touches it, over dt."""
+        return (Stage("cloth.xpbd", "cloth", self.run, reads=self.rows, writes=("cloth.x", "cloth.v")),)
+
+    def run(self, dt: float) -> None:
+        """dt seconds in ceil(dt/substep_max) equal substeps."""
+        for guest in self.guests:
+            guest.begin(dt)
+        self.advance(dt, self.params.damping, 0.0)
+        for guest in self.guests:
+            guest.end(dt)
+
+    def advance(self, dt: float, damping: float, drag: float) -> None:
+        """The step itself. damping [1/s]: of motion that is not rigid; drag [1/s]: of all motion."""
+        count = max(1, math.ceil(dt / self.params.substep_max - 1e-9))
+        kept, left = math.exp(-damping * dt), math.exp(-drag * dt)
+        self._advance(count, dt / count, tm.vec3(self.gravity), kept, left)
+
+    def max_strain(self) -> float:
+        """max over structural and shear springs of length/rest - 1."""
+        return self.measure.max_strain()
+
+    def kinetic_energy(self) -> float:
+        """sum m v^2/2 [J]."""
+        return self.measure.kinetic_energy()
+
+    @ti.func
+    def position(self, node):
+        """Where a node is now, within the substep [m]."""
+        return self.board.vector(self.board.x, self.board.place(node))
+
+    @ti.func
+    def start(self, node):
+        """Where it was when the substep began [m]."""
+        return self.board.vector(self.board.start, self.board.place(node))
+
+    @ti.func
+    def velocity(self, node):
+        """In `predict` and `project` that of the last substep, in `finish` that of this one [m/s]."""
+        return self.board.vector(self.board.v, self.board.place(node))
+
+    @ti.func
+    def weight(self, node):
+        """Inverse mass, 0 where a clip holds [1/kg]."""
+        return self.board.w[self.board.place(node)]
+
+    @ti.func
+    def shift(self, node, offset):
+        """Move a node by offset [m] in `project`: an impulse of offset/(h weight). Leave held nodes alone."""
+        at = self.board.place(node)
+        self.board.set_vector(self.board.x, at, self.board.vector(self.board.x, at) + offset)
+
+    @ti.func
+    def push(self, node, change):
+        """Change a node's velocity [m/s] in `finish`. Leave held nodes alone."""
+        at = self.board.place(node)
+        self.board.set_vector(self.board.v, at, self.board.vector(self.board.v, at) + change)
+
+    @ti.kernel
+    def _advance(self, count: ti.i32, h: ti.f64, gravity: tm.vec3, kept: ti.f64, left: ti.f64):
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self._load(count * h, gravity)
+            for _step in range(count):
+                self._predict(h, gravity)
+                for guest in ti.static(self.guests):
+                    guest.predict(h)
+                self.sweep.run(h)
+                self.tethers.project()
+                self.contact.project()
+                for guest in ti.static(self.guests):
+                    guest.project(h)
+                self._finish(h)
+                for guest in ti.static(self.guests):
+                    guest.finish(h)
+            if kept < 1.0:
+                damp_relative(self.board, kept)
+            self._store(left)
+
+    @ti.func
+    def _load(self, dt, gravity):
+        """Rows to the board, and which solids are in reach."""
+        low, high = self.x[0], self.x[0]
+        for node in range(self.node_count):
+            at = self.board.place(node)
+            self.board.set_vector(self.board.x, at, self.x[node])
+            self.board.w[at] = self.inv_mass[node]
+            self.board.w[self.board.turned_place(node)] = self.inv_mass[node]
+            self.board.set_vector(self.board.v, at, self.v[node] * (self.inv_mass[node] > 0.0))
+            low, high = ti.min(low, self.x[node]), ti.max(high, self.x[node])
+        reach = 2.0 * dt * (largest_speed(self.board) + dt * gravity.norm()) + self.sheet.spacing
+        self.contact.mark(low - reach, high + reach)
+
+    @ti.func
+    def _predict(self, h, gravity):
+        for block in range(self.board.half // LANES):
+            at = block * LANES
+            free = ti.select(self.board.get(self.board.w, at) > 0.0, h, 0.0)
+            for d in ti.static(range(3)):
+                x = self.board.get(self.board.x[d], at)
+                self.board.put(self.board.start[d], at, x)
+                self.board.put(self.board.x[d], at, x + h * self.board.get(self.board.v[d], at) + free * (h * gravity[d]))
+
+    @ti.func
+    def _finish(self, h):
+        for block in range(self.board.half // LANES):
+            at = block * LANES
+            for d in ti.static(range(3)):
+                self.board.put(self.board.v[d], at, (self.board.get(self.board.x[d], at) - self.board.get(self.board.start[d], at)) / h)
+
+    @ti.func
+    def _store(self, left):
+        for node in range(self.node_count):
+            at = self.board.place(node)
+            if self.board.w[at] > 0.0:
+                self.x[node] = self.board.vector(self.board.x, at)
+                self.v[node] = left * self.board.vector(self.board.v, at)

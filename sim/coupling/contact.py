@@ -1,0 +1,66 @@
+"""Contact between water and cloth: sides before the step, the layer inside it, the last step after it."""
+
+from sim.coupling.catch import Catch
+from sim.coupling.layer import Layer
+from sim.coupling.sheet import SheetGeometry
+from sim.coupling.sides import Sides
+from sim.model import Model
+from sim.registry import method, register
+from sim.stage import Build, Stage
+
+
+@register("coupling.contact", "ccd")
+class Contact:
+    """Water rests on, slides along and never crosses the sheet.   shared model: see sim.coupling.layer and .catch
+
+    parts left for others: "contact" (this; .sheet, .sides, .layer, .catch), a guest for the cloth solver.
+    """
+
+    class Params(Model):
+        """No constants of its own: restitution and friction stand in [coupling]."""
+
+    rows = (
+        "fluid.x", "fluid.v", "fluid.mass", "fluid.id", "fluid.acceleration", "fluid.pressure_acceleration",
+        "fluid.triangle", "fluid.side", "cloth.x", "cloth.v", "cloth.inv_mass", "cloth.push_front", "cloth.push_back",
+    )  # fmt: skip
+    scratch = ()
+    conserves = ("momentum",)
+
+    def __init__(self, build: Build, params: "Contact.Params"):
+        config = build.config
+        reach = config.fluid.support * config.fluid.spacing
+        search = method("search.boxes", config.coupling.search)
+        self.sheet = SheetGeometry(build, reach)
+        self.boxes = search(self.sheet.patch_count, config.cloth.spacing + 2.0 * reach)
+        self.sides = Sides(build, self.sheet, self.boxes, reach)
+        self.layer = Layer(build, self.sheet)
+        self.catch = Catch(build, self.sheet, self.boxes)
+        build.parts["contact"] = self
+        build.parts.setdefault("guests", []).append(self.layer)
+
+    def stages(self) -> tuple[Stage, ...]:
+        """Side and catch; the layer moves inside the cloth's own stage."""
+        return (
+            Stage(
+                "contact.sides",
+                "side",
+                self._begin,
+                reads=("fluid.x", "fluid.id", "cloth.x"),
+                writes=("fluid.triangle", "fluid.side"),
+            ),
+            Stage(
+                "contact.catch",
+                "catch",
+                self.catch.run,
+                reads=("fluid.x", "fluid.v", "fluid.mass", "cloth.x", "cloth.v", "cloth.inv_mass"),
+                writes=("fluid.x", "fluid.v", "cloth.v"),
+            ),
+        )
+
+    def _begin(self, dt: float) -> None:
+        self.sides.run(dt)
+        self.catch.begin()
+
+    def counts(self) -> dict[str, int]:
+        """Totals so far: `leaks`, and how often the last step acted."""
+        return {"leaks": int(self.catch.leaks[None]), "caught": int(self.catch.acts[None])}

@@ -1,0 +1,111 @@
+"""Whether the sections of a scene fit together: what one model cannot see of another."""
+
+from __future__ import annotations
+
+import math
+
+from sim.explain import Problem
+from sim.schema import Config
+
+NOZZLE_SPACINGS = 3
+"""A stream narrower than this many particles is no stream: its lattice has one or two of them across."""
+
+
+def problems(config: Config) -> list[Problem]:
+    """Everything that does not fit, in the order of the scene's sections."""
+    return [*_run(config), *_water(config), *_streams(config), *_cloth(config), *_exchange(config)]
+
+
+def warnings(config: Config) -> tuple[str, ...]:
+    """What is allowed and yet seldom meant."""
+    found = []
+    if config.fluid and config.cloth and not config.coupling:
+        found.append("[fluid] and [cloth] without [coupling] do not feel each other")
+    if config.fluid and not config.emitter and not config.fluid.block:
+        found.append("[fluid] without [emitter.NAME] or [fluid.block.NAME] has no water")
+    return tuple(found)
+
+
+def _run(config: Config) -> list[Problem]:
+    found = []
+    if config.run.frame_count < 1:
+        found.append(Problem("run.duration", f"shorter than one frame at {config.run.fps} frames per second"))
+    if config.run.dt_min >= config.run.dt_max:
+        found.append(Problem("run.dt_min", "must be below run.dt_max"))
+    if not config.fluid and not config.cloth:
+        found.append(Problem("fluid", "missing, and so is [cloth]: there is nothing to simulate"))
+    return found
+
+
+def _water(config: Config) -> list[Problem]:
+    fluid, space = config.fluid, config.space
+    if not fluid:
+        return [
+            Problem(kind, f"needs [fluid]: without water there is nothing to {verb}")
+            for kind, verb in (("emitter", "pour"), ("drain", "swallow"))
+            if getattr(config, kind)
+        ]
+    if space.low is None or space.high is None:
+        missing = [k for k in ("low", "high") if getattr(space, k) is None]
+        return [Problem(f"space.{k}", "missing; [fluid] needs a box to be in") for k in missing]
+    return [
+        Problem(f"fluid.block.{name}", "must lie within space.low and space.high")
+        for name, block in fluid.block.items()
+        if not (_inside(block.low, space) and _inside(block.high, space))
+    ]
+
+
+def _streams(config: Config) -> list[Problem]:
+    if not config.fluid:
+        return []
+    found = []
+    least = NOZZLE_SPACINGS * config.fluid.spacing
+    for name, emitter in config.emitter.items():
+        if emitter.diameter < least:
+            found.append(
+                Problem(
+                    f"emitter.{name}.rate",
+                    f"makes a nozzle of {emitter.diameter * 1e3:.1f} mm; it must be {NOZZLE_SPACINGS} spacings wide, "
+                    f"{least * 1e3:.1f} mm: raise the rate, or lower the speed or fluid.spacing",
+                )
+            )
+        if config.space.low and config.space.high and not _inside(emitter.centre, config.space):
+            found.append(Problem(f"emitter.{name}.centre", "must lie within space.low and space.high"))
+    return found
+
+
+def _cloth(config: Config) -> list[Problem]:
+    if not config.cloth:
+        return []
+    across, along = config.cloth.node_counts
+    found = [
+        Problem("cloth.spacing", text) for side in dict.fromkeys(config.cloth.size) if (text := _mesh(side, config.cloth.spacing))
+    ]
+    return found + [
+        Problem(f"cloth.pins.{name}.where", f"has a node outside [0, 0] to [{across - 1}, {along - 1}]")
+        for name, pin in config.cloth.pins.items()
+        if not isinstance(pin.where, str) and any(i >= across or j >= along for i, j in pin.where)
+    ]
+
+
+def _mesh(side: float, spacing: float) -> str:
+    patches = round(side / spacing)
+    if patches < 2:
+        return f"must go at least twice into {side:g} m"
+    if not math.isclose(patches * spacing, side, rel_tol=1e-6):
+        return f"must go evenly into {side:g} m; {side / patches:.6g} m does"
+    return ""
+
+
+def _exchange(config: Config) -> list[Problem]:
+    found = []
+    if config.coupling and not (config.fluid and config.cloth):
+        missing = "fluid" if not config.fluid else "cloth"
+        found.append(Problem("coupling", f"needs [fluid] and [cloth]; [{missing}] is missing"))
+    if config.wetting and not config.coupling:
+        found.append(Problem("wetting", "needs [coupling]"))
+    return found
+
+
+def _inside(point, space) -> bool:
+    return all(low <= p <= high for low, p, high in zip(space.low, point, space.high))

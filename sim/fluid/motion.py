@@ -1,0 +1,71 @@
+"""What pressure methods share: gravity and the scene's terms, the move, and the step that speed allows."""
+
+import taichi as ti
+
+from sim.stage import Build, Limit, Stage
+
+
+@ti.data_oriented
+class Motion:
+    """Stages "forces" (slot accelerate) and "move" of the water.
+
+    forces   acceleration = g + sum of terms; v += dt acceleration
+    move     x += dt v, out of solids
+    limits   dt <= cfl spacing / max |v|, and each term's own
+    """
+
+    rows = ("fluid.x", "fluid.v", "fluid.acceleration")
+    scratch = ()
+
+    def __init__(self, build: Build, terms: tuple, cfl: float):
+        self.state, self.pairs, self.walls, self.terms = build.state, build.parts["pairs"], build.parts["walls"], terms
+        self.x, self.v, self.acceleration = (build.state[name] for name in self.rows)
+        self.gravity = ti.Vector([float(g) for g in build.config.space.gravity])
+        self.reach = cfl * build.config.fluid.spacing
+
+    def stages(self) -> tuple[Stage, ...]:
+        """forces and move."""
+        return (
+            Stage("forces", "accelerate", self.accelerate, self.rows, ("fluid.v", "fluid.acceleration"), self._of_terms),
+            Stage("move", "move", self.move, ("fluid.x", "fluid.v"), ("fluid.x", "fluid.v"), self._of_speed),
+        )
+
+    def accelerate(self, dt: float) -> None:
+        """acceleration from gravity and terms; v += dt acceleration."""
+        self._accelerate(dt, self.pairs.neighbour, self.pairs.gradient)
+
+    def move(self, dt: float) -> None:
+        """x += dt v, kept out of solids."""
+        self._move(dt)
+
+    def _of_terms(self) -> Limit:
+        return min((term.limit() for term in self.terms), default=Limit(float("inf"), "no term"))
+
+    def _of_speed(self) -> Limit:
+        return Limit(self.reach / max(self._fastest(), 1e-12), "water speed")
+
+    @ti.kernel
+    def _accelerate(self, dt: float, neighbour: ti.types.ndarray(), gradient: ti.types.ndarray()):
+        for i in range(self.state.count[None]):
+            a = self.gravity
+            if ti.static(len(self.terms) > 0):
+                x = self.x[i]
+                for k in range(self.pairs.start[i], self.pairs.stop[i]):
+                    j = neighbour[k]
+                    for term in ti.static(self.terms):
+                        a += term.acceleration(i, j, x - self.x[j], gradient[k])
+            self.acceleration[i] = a
+        for i in range(self.state.count[None]):
+            self.v[i] += dt * self.acceleration[i]
+
+    @ti.kernel
+    def _move(self, dt: float):
+        for i in range(self.state.count[None]):
+            self.x[i], self.v[i] = self.walls.move(self.x[i], self.v[i], dt)
+
+    @ti.kernel
+    def _fastest(self) -> float:
+        fastest = 0.0
+        for i in range(self.state.count[None]):
+            ti.atomic_max(fastest, self.v[i].norm_sqr())
+        return ti.sqrt(fastest)

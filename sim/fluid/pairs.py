@@ -1,0 +1,77 @@
+"""What every sweep over neighbours reads: W and grad W of each pair, kept for the step."""
+
+import taichi as ti
+
+from sim.errors import CapacityError
+from sim.maths.kernels import KERNELS, lattice_shares
+from sim.stage import Build, Stage
+
+PAIR = ti.types.ndarray(dtype=ti.i32, ndim=1)
+
+
+@ti.data_oriented
+class Pairs:
+    """Pairs of row i are k = start[i] ... stop[i] - 1, with j = neighbour[k], and
+
+        weight[k]    m_j W_ij        [kg/m^3]   so that rho_i = self_weight m_i + sum_k weight[k] + walls
+        gradient[k]  m_j grad_i W_ij [kg/m^4]   a vector; m_i gradient_ij = -m_j gradient_ji up to rounding
+
+    Every sweep of the step reads these and never positions, so zeroing both of a pair (and of its mirror) takes it out.
+    start, stop are fields. neighbour, weight, gradient are ndarrays that grow: pass them as kernel arguments, fetched
+    from here at each call; gradient is flat, three reals a pair:
+
+        @ti.kernel
+        def cut(self, neighbour: ti.types.ndarray(), weight: ti.types.ndarray(), gradient: ti.types.ndarray()):
+            for i in range(count[None]):
+                for k in range(pairs.start[i], pairs.stop[i]):
+                    if cut_between(i, neighbour[k]):
+                        weight[k] = 0.0
+                        gradient[k] = ti.Vector([0.0, 0.0, 0.0])
+    """
+
+    rows = ("fluid.x", "fluid.mass")
+    scratch = ()
+
+    def __init__(self, build: Build):
+        fluid = build.config.fluid
+        self.state, self.list = build.state, build.parts["search"].list
+        self.x, self.mass = build.state["fluid.x"], build.state["fluid.mass"]
+        self.start, self.stop = self.list.start, self.list.stop
+        self.kernel = KERNELS[fluid.kernel]
+        self.support_radius = fluid.support_radius
+        self.scale = 1.0 / lattice_shares(self.kernel, fluid.support)[0]
+        self.self_weight = self.scale * self.kernel.value(0.0, self.support_radius)
+        self.weight = self.gradient = None
+        build.parts["pairs"] = self
+
+    @property
+    def neighbour(self):
+        """j of each pair."""
+        return self.list.neighbour
+
+    def stages(self) -> tuple[Stage, ...]:
+        """One stage, after the search."""
+        return (Stage("pairs", "sort", lambda dt: self.weigh(), self.rows, ()),)
+
+    def weigh(self) -> None:
+        """Fill weight and gradient from positions and masses."""
+        length = self.neighbour.shape[0]
+        if self.weight is None or self.weight.shape[0] != length:
+            try:
+                self.weight = ti.ndarray(float, length)
+                self.gradient = ti.Vector.ndarray(3, float, length)
+            except RuntimeError as error:
+                raise CapacityError(f"fluid: no memory for {length} pairs; use a larger spacing") from error
+        self._weigh(self.neighbour, self.weight, self.gradient)
+
+    @ti.kernel
+    def _weigh(self, neighbour: ti.types.ndarray(), weight: ti.types.ndarray(), gradient: ti.types.ndarray()):
+        for i in range(self.state.count[None]):
+            x = self.x[i]
+            for k in range(self.start[i], self.stop[i]):
+                j = neighbour[k]
+                r = x - self.x[j]
+                distance = r.norm()
+                share = self.scale * self.mass[j]
+                weight[k] = share * self.kernel.value(distance, self.support_radius)
+                gradient[k] = share * self.kernel.slope(distance, self.support_radius) * r

@@ -1,0 +1,84 @@
+"""The solve for kappa = p/rho^2 >= 0 by relaxed Jacobi iteration, over pairs kept in one list."""
+
+import taichi as ti
+
+from sim.fluid.pairs import PAIR
+from sim.maths.kernels import largest_eigenvalue
+
+BLOCK = 1024
+"""Particles in one partial sum. Sums over blocks in order, then over the blocks in order, have the same bits on any
+number of threads."""
+CORRECTION_TIME = 2e-3
+"""[s] A density error is taken back over this time, or over dt if that is longer. Shorter throws particles about."""
+SAFETY = 0.65
+"""Of Jacobi's largest step on the lattice (0.5 at support 2): disordered water and surfaces bear a little less."""
+
+
+@ti.data_oriented
+class Projection:
+    """Finds kappa with  D rho_i(u) <= (rho0 - rho_i)/tau,  u = v + dt a(kappa),  kappa_i >= 0, one of them equal.
+
+    owner: has rows x, v, u, density, diagonal, wall_gradient and the pairs; u is left at the solution.
+    """
+
+    def __init__(self, owner):
+        self.o = owner
+        self.pairs = owner.pairs
+        capacity = owner.state.sizes["fluid"]
+        self.relaxation = SAFETY * 2.0 / largest_eigenvalue(self.pairs.kernel, owner.support)
+        self.partial = ti.field(ti.f64, shape=max(-(-capacity // BLOCK), 1))
+
+    def solve(self, kappa, dt: float, tolerance: float, iterations_max: int, correct: float) -> int:
+        """Iterations taken. correct: 1 takes density errors back, 0 stops compression alone (see Dfsph)."""
+        if not self.o.params.warm_start:
+            kappa.fill(0.0)
+        for iteration in range(1, iterations_max + 1):
+            self._push(kappa, dt, self.pairs.neighbour, self.pairs.gradient)
+            left = self._relax(kappa, dt, correct, self.pairs.neighbour, self.pairs.gradient)
+            if left <= tolerance:
+                break
+        return iteration
+
+    @ti.kernel
+    def _push(self, kappa: ti.template(), dt: float, neighbour: PAIR, gradient: ti.types.ndarray()):
+        """u = v + dt a,  a_i = -sum_j m_j (kappa_i + kappa_j) grad W_ij - kappa_i rho0 grad lambda_i."""
+        for i in range(self.o.state.count[None]):
+            own = kappa[i]
+            a = own * self.o.wall_gradient[i]
+            for k in range(self.pairs.start[i], self.pairs.stop[i]):
+                a += (own + kappa[neighbour[k]]) * gradient[k]
+            self.o.u[i] = self.o.v[i] - dt * a
+
+    @ti.kernel
+    def _relax(
+        self, kappa: ti.template(), dt: float, correct: float, neighbour: PAIR, gradient: ti.types.ndarray()
+    ) -> ti.f64:
+        """One step of kappa; returns the mean |change of density in dt| that it still corrects, over rho0."""
+        count = self.o.state.count[None]
+        ti.loop_config(block_dim=1)
+        for block in range((count + BLOCK - 1) // BLOCK):
+            total = 0.0
+            for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
+                u = self.o.u[i]
+                rate = u.dot(self.o.wall_gradient[i])
+                for k in range(self.pairs.start[i], self.pairs.stop[i]):
+                    rate += (u - self.o.u[neighbour[k]]).dot(gradient[k])
+                total += self._step(kappa, i, rate, dt, correct)
+            self.partial[block] = total
+        left = ti.f64(0.0)
+        ti.loop_config(serialize=True)
+        for block in range((count + BLOCK - 1) // BLOCK):
+            left += self.partial[block]
+        return left / ti.max(count, 1)
+
+    @ti.func
+    def _step(self, kappa: ti.template(), i, rate, dt, correct):
+        """Relax kappa_i by its residual rate - (rho0 - rho)/tau; returns |what that corrects| dt/rho0."""
+        rho0, diagonal = self.o.rest_density, ti.max(self.o.diagonal[i], 1e-20)
+        lack = (rho0 - self.o.density[i]) / ti.max(dt, CORRECTION_TIME)
+        if correct == 0.0:
+            lack = ti.max(lack, 0.0)
+        old = kappa[i]
+        new = ti.max(old + self.relaxation * (rate - lack) / (dt * diagonal), 0.0)
+        kappa[i] = new
+        return ti.abs(new - old) * diagonal * dt * dt / (self.relaxation * rho0)

@@ -1,0 +1,79 @@
+"""The one ti.init of a process, for simulating and for drawing alike."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import time
+from pathlib import Path
+
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+
+import taichi as ti  # noqa: E402  (the header must be silenced first)
+
+from sim.errors import ConfigError, RunError  # noqa: E402
+
+ARCHS = ("cpu", "cuda", "vulkan", "metal")
+_started: dict | None = None
+
+
+def cache_folder() -> Path:
+    """Where compiled kernels are kept between processes."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "seep" / "kernels"
+
+
+def start(arch: str = "cpu", threads: int | None = None, precision: str = "f32", debug: bool = False) -> dict:
+    """Start Taichi once and return the settings in force (arch, threads, precision, debug).
+
+    A second start in the same process is refused: fields of the first would dangle (a segfault, not an error).
+    """
+    global _started
+    threads = threads or os.cpu_count() or 1
+    wanted = {"arch": arch, "threads": threads, "precision": precision, "debug": debug}
+    if _started is not None:
+        raise RunError(f"Taichi already runs with {_started}; one World a process")
+    if arch not in ARCHS:
+        raise ConfigError(f"--arch = {arch}: choose from {', '.join(ARCHS)}")
+    if precision not in ("f32", "f64"):
+        raise ConfigError(f"--precision = {precision}: choose f32 or f64")
+    _clear_stale_lock()
+    real = ti.f64 if precision == "f64" else ti.f32
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):  # it announces its arch with a bare print
+            _init(arch, real, threads, debug)
+    except RuntimeError as error:
+        raise RunError(f"--arch = {arch}: not to be had on this machine; use --arch cpu") from error
+    _started = wanted
+    return wanted
+
+
+def _init(arch: str, real, threads: int, debug: bool) -> None:
+    ti.init(
+        arch=getattr(ti, arch),
+        default_fp=real,
+        default_ip=ti.i32,
+        cpu_max_num_threads=threads,
+        offline_cache=True,
+        offline_cache_file_path=str(cache_folder()),
+        fast_math=False,  # NaN tests must hold, and 1/x must not differ between loops
+        debug=debug,
+        log_level=ti.ERROR,
+        enable_fallback=False,
+    )
+
+
+def running() -> dict | None:
+    """The settings of `start`, or None before it."""
+    return _started
+
+
+def _clear_stale_lock() -> None:
+    """A lock left by a killed process silently stops all caching."""
+    folder = cache_folder()
+    old = time.time() - 120.0  # a live lock is held for well under a second
+    if folder.is_dir():
+        for lock in folder.rglob("*.lock"):
+            if lock.stat().st_mtime < old:
+                lock.unlink(missing_ok=True)

@@ -1,0 +1,105 @@
+"""[fluid], [emitter.*], [drain.*] -> the water that is there, the streams that come, and how much there can be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim.constants import MASS_UNIT
+from sim.errors import CapacityError, ConfigError
+from sim.scene.solids import Solids
+
+FEMTO = 10**15
+"""Streams keep time in whole femtoseconds, so that what has come by then follows from the time alone."""
+SPARE = 0.05
+"""Share of particles beyond those expected: drops that leave the cloth while others still soak in."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """One emitter. Layers of `points` (n, 3) [m] leave at `velocity` [m/s] every `interval` [fs], from `start` to
+    `stop`, `total` particles in all (the last layer may be part of one); again every `period` [fs] (0: once)."""
+
+    points: np.ndarray
+    velocity: np.ndarray
+    start: int
+    interval: int
+    total: int
+    period: int
+
+    def emitted(self, time: float) -> int:
+        """Particles that have come by `time` [s]."""
+        t = round(time * FEMTO)
+        rounds, t = divmod(t, self.period) if self.period else (0, t)
+        layers = (t - self.start) // self.interval + 1 if t >= self.start else 0
+        return rounds * self.total + min(self.total, layers * len(self.points))
+
+
+@dataclass(frozen=True)
+class Water:
+    """x, v (n, 3) of the blocks; units: mass of a particle [MASS_UNIT]; capacity: particles there can be."""
+
+    x: np.ndarray
+    v: np.ndarray
+    units: int
+    capacity: int
+    streams: tuple[Stream, ...]
+    drains: tuple[tuple[tuple, tuple], ...]
+
+
+def build_water(config: Any, solids: Solids) -> Water:
+    """ConfigError for a block thinner than a particle; CapacityError if more water comes than particles_max."""
+    fluid = config.fluid
+    dx = fluid.spacing
+    units = round(fluid.liquid.rest_density * dx**3 / MASS_UNIT)
+    lattices = [_lattice(name, block, dx) for name, block in fluid.block.items()]
+    speeds = [np.tile(b.velocity, (len(x), 1)) for b, x in zip(fluid.block.values(), lattices)]
+    x = np.concatenate(lattices) if lattices else np.zeros((0, 3))
+    v = np.concatenate(speeds) if speeds else np.zeros((0, 3))
+    streams = tuple(_stream(emitter, dx, config.run.duration) for emitter in config.emitter.values())
+    expected = len(x) + sum(s.emitted(config.run.duration) for s in streams)
+    capacity = fluid.particles_max
+    if capacity == "auto":
+        capacity = int(expected * (1.0 + SPARE)) + 64
+    if expected > capacity:
+        raise CapacityError(f"fluid.particles_max = {capacity}: {expected} particles will come")
+    drains = tuple((tuple(d.low), tuple(d.high)) for d in config.drain.values())
+    return Water(x, v, units, capacity, streams, drains)
+
+
+def _lattice(name: str, block: Any, dx: float) -> np.ndarray:
+    """Cubic lattice, half a spacing from every face that is a whole number of spacings from its opposite."""
+    counts = [int(np.floor((b - a) / dx + 0.5)) for a, b in zip(block.low, block.high)]
+    if min(counts) < 1:
+        raise ConfigError(f"fluid.block.{name}: thinner than one spacing of {dx:g} m")
+    axes = [a + (np.arange(n) + 0.5) * dx for a, n in zip(block.low, counts)]
+    return np.stack(np.meshgrid(*axes[::-1], indexing="ij"), -1).reshape(-1, 3)[:, ::-1].copy()
+
+
+def _stream(emitter: Any, dx: float, duration: float) -> Stream:
+    """A disc of the square lattice with the nozzle's area; layers so far apart that the rate comes out exactly."""
+    axis = np.array(emitter.direction, float) / np.linalg.norm(emitter.direction)
+    area = emitter.rate / emitter.speed
+    points = _disc(axis, max(round(area / dx**2), 1)) * dx + np.array(emitter.centre, float)
+    stop = emitter.stop if emitter.stop is not None else duration
+    return Stream(
+        points,
+        axis * emitter.speed,
+        round(emitter.start * FEMTO),
+        round(len(points) * dx**3 / emitter.rate * FEMTO),
+        max(round(emitter.rate * (stop - emitter.start) / dx**3), 0),
+        round(stop * FEMTO) if emitter.repeat else 0,
+    )
+
+
+def _disc(axis: np.ndarray, count: int) -> np.ndarray:
+    """The `count` points of a unit square lattice nearest to a centre in general position, across `axis`."""
+    u = np.cross(axis, [1.0, 0.0, 0.0] if abs(axis[0]) < 0.9 else [0.0, 1.0, 0.0])
+    u /= np.linalg.norm(u)
+    reach = np.arange(-int(count**0.5) - 2, int(count**0.5) + 3)
+    a, b = (g.ravel() + 0.5 for g in np.meshgrid(reach, reach))
+    nearest = np.lexsort((b, a, np.round(a * a + b * b, 6)))[:count]
+    a, b = a[nearest] - a[nearest].mean(), b[nearest] - b[nearest].mean()
+    return a[:, None] * u + b[:, None] * np.cross(axis, u)

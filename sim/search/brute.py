@@ -1,0 +1,66 @@
+"""Every particle against every other: the yardstick of searches."""
+
+import taichi as ti
+
+from sim.registry import register
+from sim.schema import Model
+from sim.search.pair_list import BLOCK, PairList, first_room
+from sim.stage import Build, Stage
+
+
+@register("search", "brute")
+@ti.data_oriented
+class BruteSearch:
+    """All pairs |x_i - x_j| < H by trying n^2 of them. Rows stay in their order."""
+
+    class Params(Model):
+        """None."""
+
+    rows = ("fluid.x",)
+    scratch = ()
+
+    def __init__(self, build: Build, params: Params):
+        self.state = build.state
+        self.x = build.state["fluid.x"]
+        self.support_radius = build.config.fluid.support_radius
+        capacity = build.state.sizes["fluid"]
+        self.list = PairList(capacity, min(capacity, 65536), first_room(build.config.fluid.support))
+        build.parts["search"] = self
+
+    def stages(self) -> tuple[Stage, ...]:
+        """One stage: list."""
+        return (Stage("neighbours", "sort", lambda dt: self.build(), ("fluid.x",), ()),)
+
+    def build(self) -> None:
+        """List the pairs."""
+        self.list.fill(self._fill, self._count())
+
+    def refit(self) -> None:
+        """There is nothing to keep: builds."""
+        self.build()
+
+    @ti.kernel
+    def _count(self) -> ti.i32:
+        return self.state.count[None]
+
+    @ti.kernel
+    def _fill(self, neighbour: ti.types.ndarray(dtype=ti.i32, ndim=1), room: ti.i32) -> ti.i32:
+        """List block by block; returns the entries that the fullest block wants."""
+        wanted = 0
+        count = self.state.count[None]
+        ti.loop_config(block_dim=1)
+        for block in range((count + BLOCK - 1) // BLOCK):
+            begin = block * BLOCK * room
+            cursor = begin
+            for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
+                self.list.start[i] = ti.min(cursor, begin + BLOCK * room)
+                x = self.x[i]
+                for j in range(count):
+                    r = x - self.x[j]
+                    if r.dot(r) < self.support_radius * self.support_radius and j != i:
+                        if cursor < begin + BLOCK * room:
+                            neighbour[cursor] = j
+                        cursor += 1
+                self.list.stop[i] = ti.min(cursor, begin + BLOCK * room)
+            ti.atomic_max(wanted, cursor - begin)
+        return wanted

@@ -1,0 +1,273 @@
+"""A scene made to move: allocates the rows that its stages name, runs the pipeline, yields Frames."""
+
+import hashlib
+import math
+import time
+from collections import defaultdict
+
+import numpy as np
+
+from sim import guard, registry
+from sim.clock import Clock
+from sim.fluid import roster
+from sim.frame import Frame, Static
+from sim.ledger import Masses, kinetic_energy, top_speed
+from sim.pipeline import in_order
+from sim.scene.build import build_scene
+from sim.stage import Build
+from sim.state import ROWS, State
+from sim.wetting import room
+
+
+class World:
+    """One a process. Taichi must have been started (sim.runtime.start).
+
+    World(config)      at t = 0, the cloth settled
+    advance()          simulate to the next frame and return it; raises DivergedError with the state of the failure
+    snapshot()         the Frame now; static: what does not change
+    save(), load()     the whole state, bit for bit
+    ledger_row()       dict of ledger.csv's columns, summary(): dict for run.json
+    """
+
+    def __init__(self, config):
+        registry.discover()
+        self.config = config
+        self.scene = build_scene(config)
+        self.state = State(self._rows(), self._sizes())
+        self.build = Build(config, self.scene, self.state)
+        self.clock = Clock(config.run.fps, config.run.dt_max, config.run.dt_min)
+        self.stages = in_order(self._build_stages())
+        self.frame_count = config.run.frame_count
+        self.seconds = defaultdict(float)
+        self.iterations = 0
+        self.first = {"first_contact": None, "first_drop": None}
+        self.steps_in_frame = 0
+        self._fill()
+
+    def _classes(self) -> list[type]:
+        config, classes = self.config, []
+        if config.fluid:
+            classes += roster.methods(config)
+        if config.cloth:
+            classes.append(registry.method("cloth.solver", config.cloth.method))
+        if config.coupling:
+            classes.append(registry.method("coupling.contact", config.coupling.contact))
+        if config.wetting:
+            classes += room.chosen(config)
+        return classes
+
+    def _rows(self) -> list:
+        names, scratch = set(), []
+        for cls in self._classes():
+            names.update(cls.rows)
+            scratch += cls.scratch
+        if self.config.wetting:
+            names.update(room.ROWS)
+        return [row for row in ROWS.values() if row.name in names] + scratch
+
+    def _sizes(self) -> dict[str, int]:
+        sizes = roster.sizes(self.scene.water) if self.scene.water else {}
+        if self.scene.sheet:
+            sizes |= {"cloth": len(self.scene.sheet.x), "patch": len(self.scene.sheet.patches)}
+        return sizes
+
+    def _build_stages(self) -> list:
+        config, build = self.config, self.build
+        stages = roster.build_fluid(build) if config.fluid else []
+        if config.coupling:
+            contact = registry.method("coupling.contact", config.coupling.contact)(build, config.coupling.params)
+            stages += contact.stages()
+        if config.cloth:
+            solver = registry.method("cloth.solver", config.cloth.method)(build, config.cloth.params)
+            build.parts["cloth"] = solver
+            stages += solver.stages()
+        if config.wetting:
+            stages += room.build_wetting(build)
+        return stages
+
+    def _fill(self) -> None:
+        """The sheet's rows, and its rest under gravity before t = 0."""
+        if not self.scene.sheet:
+            return
+        sheet, state = self.scene.sheet, self.state
+        dtype = np.float64 if self.config.run.precision == "f64" else np.float32
+        for name in ("x", "mass", "inv_mass"):
+            state[f"cloth.{name}"].from_numpy(np.ascontiguousarray(getattr(sheet, name), dtype))
+        cloth = self.build.parts["cloth"]
+        if hasattr(cloth, "settle"):
+            cloth.settle(self.config.cloth.settle)
+
+    @property
+    def frame_index(self) -> int:
+        """Frames behind us."""
+        return self.clock.frame
+
+    def advance(self) -> Frame:
+        """Simulate to the next frame."""
+        self.steps_in_frame = 0
+        ended = False
+        while not ended:
+            dt = self.clock.next_step(self.stages)
+            self._step(dt)
+            ended = self.clock.advance(dt)
+            self.steps_in_frame += 1
+            self._note_firsts()
+        frame = self.snapshot()
+        self._check()
+        return frame
+
+    def _step(self, dt: float) -> None:
+        for stage in self.stages:
+            began = time.perf_counter()
+            stage.run(dt)
+            self.seconds[stage.name] += time.perf_counter() - began
+        if "pressure" in self.build.parts:
+            self.iterations += sum(getattr(self.build.parts["pressure"], "iterations", {}).values())
+
+    def _note_firsts(self) -> None:
+        parts = self.build.parts
+        if "contact" in parts and self.first["first_contact"] is None and parts["contact"].layer.touched[None]:
+            self.first["first_contact"] = self.clock.time
+        if "drip" in parts and self.first["first_drop"] is None and parts["drip"].drops[None]:
+            self.first["first_drop"] = self.clock.time
+
+    def _check(self) -> None:
+        """The guard, once a frame."""
+        now, config = self.clock.time, self.config
+        if config.fluid:
+            living = self.state.count[None]
+            x, v = (self.state[f"fluid.{n}"].to_numpy()[:living] for n in "xv")
+            guard.check_things("particle", x, v, self.state["fluid.id"].to_numpy()[:living], now, config)
+            guard.check_density(self.state["fluid.density"].to_numpy()[:living], now, config)
+        if config.cloth:
+            x, v = (self.state[f"cloth.{n}"].to_numpy() for n in "xv")
+            guard.check_things("cloth node", x, v, np.arange(len(x)), now, config)
+        if config.coupling:
+            guard.check_leaks(self.build.parts["contact"].counts()["leaks"], now)
+
+    @property
+    def static(self) -> Static:
+        """What pictures need once."""
+        config, solids, sheet = self.config, self.scene.solids, self.scene.sheet
+        return Static(
+            spacing=np.float32(config.fluid.spacing if config.fluid else 0.0),
+            ground_z=np.float32(solids.ground_z),
+            cloth_colour=linear_rgb(config.render.cloth_colour),
+            solid_x=solids.x.astype(np.float32) if len(solids.x) else None,
+            solid_triangles=solids.triangles if len(solids.x) else None,
+            cloth_triangles=np.asarray(sheet.triangles, np.int32) if sheet else None,
+            cloth_uv=sheet.uv.astype(np.float32) if sheet else None,
+            cloth_thickness=np.float32(sheet.thickness) if sheet else None,
+        )
+
+    def snapshot(self) -> Frame:
+        """What pictures need of this moment; water sorted by id."""
+        frame = Frame(time=np.float64(self.clock.time))
+        if self.config.fluid:
+            living = self.state.count[None]
+            ids = self.state["fluid.id"].to_numpy()[:living]
+            order = np.argsort(ids)
+            frame.fluid_id = ids[order]
+            for name in ("x", "v", "mass"):
+                rows = self.state[f"fluid.{name}"].to_numpy()[:living]
+                setattr(frame, f"fluid_{name}", rows[order].astype(np.float32))
+        if self.config.cloth:
+            frame.cloth_x = self.state["cloth.x"].to_numpy().astype(np.float32)
+            frame.cloth_v = self.state["cloth.v"].to_numpy().astype(np.float32)
+        if self.config.wetting:
+            frame.cloth_saturation, frame.cloth_film = self.build.parts["cloth_water"].on_nodes()
+        return frame
+
+    def masses(self) -> Masses:
+        """Every gram, in whole units."""
+        masses = Masses()
+        if self.config.fluid:
+            population = self.build.parts["population"]
+            masses.emitted, masses.drained = population.emitted_units(), population.drained_units()
+            masses.free = int(self.state["fluid.mass_units"].to_numpy()[: self.state.count[None]].sum())
+        if self.config.wetting:
+            masses.held, masses.film = self.build.parts["cloth_water"].totals()
+        return masses
+
+    def ledger_row(self) -> dict:
+        """The columns of ledger.csv; None where the scene does not model it."""
+        row = {"frame": self.clock.frame, "time": self.clock.frame / self.clock.fps, **self.masses().columns()}
+        row |= dict.fromkeys(("leaks", "passed", "density_error", "max_strain"))
+        if self.config.coupling:
+            row["leaks"] = self.build.parts["contact"].counts()["leaks"]
+        speed, energy = 0.0, 0.0
+        for group in ("fluid", "cloth"):
+            if f"{group}.v" in self.state:
+                living = self.state.count[None] if group == "fluid" else None
+                v, m = (self.state[f"{group}.{n}"].to_numpy()[:living] for n in ("v", "mass"))
+                speed, energy = max(speed, top_speed(v)), energy + kinetic_energy(m, v)
+        row |= {"max_speed": speed, "kinetic_energy": energy}
+        if self.config.fluid:
+            row["density_error"] = self._density_error()
+        if self.config.cloth:
+            row["max_strain"] = self.build.parts["cloth"].max_strain()
+        row["dt"] = 1.0 / (self.clock.fps * max(self.steps_in_frame, 1))
+        return row
+
+    def _density_error(self) -> float:
+        """Mean compression, max(rho/rho0 - 1, 0), over the water."""
+        density = self.state["fluid.density"].to_numpy()[: self.state.count[None]].astype(np.float64)
+        rest = self.config.fluid.liquid.rest_density
+        return float(np.maximum(density / rest - 1.0, 0.0).mean()) if len(density) else 0.0
+
+    def save(self) -> dict:
+        """All that the future depends on."""
+        kept = {f"row/{name}": values for name, values in self.state.save().items()}
+        kept |= {"clock/frame": self.clock.frame, "clock/step": self.clock.step}
+        kept |= {"note/iterations": self.iterations, "note/steps_in_frame": self.steps_in_frame}
+        kept |= {f"note/{n}": math.nan if t is None else t for n, t in self.first.items()}
+        for part in ("contact", "drip"):
+            if part in self.build.parts:
+                kept |= {f"count/{part}/{n}": int(f[None]) for n, f in self._counters(part).items()}
+        return {name: np.asarray(value) for name, value in kept.items()}
+
+    def _counters(self, part: str) -> dict:
+        if part == "drip":
+            return {"drops": self.build.parts["drip"].drops}
+        contact = self.build.parts["contact"]
+        return {"acts": contact.catch.acts, "leaks": contact.catch.leaks, "touched": contact.layer.touched}
+
+    def load(self, kept: dict) -> None:
+        """The reverse of `save`."""
+        self.state.load({name[4:]: values for name, values in kept.items() if name.startswith("row/")})
+        self.clock.frame, self.clock.step = int(kept["clock/frame"]), int(kept["clock/step"])
+        self.clock.elapsed = 0.0
+        self.iterations, self.steps_in_frame = int(kept["note/iterations"]), int(kept["note/steps_in_frame"])
+        self.first = {n: None if math.isnan(kept[f"note/{n}"]) else float(kept[f"note/{n}"]) for n in self.first}
+        for part in ("contact", "drip"):
+            if part in self.build.parts:
+                for name, field in self._counters(part).items():
+                    field[None] = int(kept[f"count/{part}/{name}"])
+
+    def state_hash(self) -> str:
+        """sha256 over every saved row."""
+        digest = hashlib.sha256()
+        for name, values in sorted(self.state.save().items()):
+            digest.update(name.encode())
+            digest.update(np.ascontiguousarray(values).tobytes())
+        return digest.hexdigest()
+
+    def summary(self) -> dict:
+        """For run.json."""
+        return {
+            "state_hash": self.state_hash(),
+            "stages": {name: round(seconds, 4) for name, seconds in self.seconds.items()},
+            "particle_count": int(self.state.count[None]) if self.config.fluid else 0,
+            "cloth_count": len(self.scene.sheet.x) if self.scene.sheet else 0,
+            "steps": self.clock.step,
+            "iterations": self.iterations,
+            **self.first,
+        }
+
+
+
+
+def linear_rgb(colour: str) -> np.ndarray:
+    """"#rrggbb" in sRGB -> (3,) f32, linear 0..1 (IEC 61966-2-1)."""
+    encoded = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)

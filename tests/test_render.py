@@ -1,0 +1,212 @@
+"""Pictures: geometry, light and water of render.draw; each scene is drawn in a process of its own where it must be."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from sim import runtime
+from sim.frame import Frame, Static
+
+ROOT = Path(__file__).parent.parent
+SIZE = (160, 90)
+SPACING = 0.0025
+
+
+@pytest.fixture(scope="module")
+def render():
+    """render.draw, with Taichi running."""
+    if runtime.running() is None:
+        runtime.start(threads=2)
+    from render import draw
+
+    return draw
+
+
+def empty() -> tuple[Frame, Static]:
+    static = Static(np.float32(0), np.float32(-0.005), np.array([0.69, 0.13, 0.04], np.float32))
+    return Frame(np.float64(0)), static
+
+
+def sheet(saturation: float, side: float = 0.12, z: float = 0.1, n: int = 9) -> tuple[Frame, Static]:
+    """A level square of cloth."""
+    frame, static = empty()
+    axis = np.linspace(-side / 2, side / 2, n)
+    u, v = np.meshgrid(axis, axis, indexing="ij")
+    index = np.arange(n * n).reshape(n, n)
+    a, b, c, d = (index[i : n - 1 + i, j : n - 1 + j].ravel() for i, j in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    static.cloth_triangles = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32)
+    static.cloth_uv = np.stack([u, v], -1).reshape(-1, 2).astype(np.float32)
+    frame.cloth_x = np.stack([u, v, np.full_like(u, z)], -1).reshape(-1, 3).astype(np.float32)
+    frame.cloth_saturation = np.full(n * n, saturation, np.float32)
+    frame.cloth_film = np.zeros(n * n, np.float32)
+    return frame, static
+
+
+def pour(frame: Frame, static: Static, x: np.ndarray, mass: float = 1000.0 * SPACING**3) -> None:
+    """Add water particles."""
+    static.spacing = np.float32(SPACING)
+    frame.fluid_id = np.arange(len(x), dtype=np.int32)
+    frame.fluid_x, frame.fluid_v = x.astype(np.float32), np.zeros(x.shape, np.float32)
+    frame.fluid_mass = np.full(len(x), mass, np.float32)
+
+
+def slab(side: float, depth: float, z: float) -> np.ndarray:
+    """A lattice of particles, side x side x depth, its floor at z."""
+    level = np.arange(-side / 2 + SPACING / 2, side / 2, SPACING)
+    height = z + np.arange(SPACING / 2, depth, SPACING)
+    return np.stack(np.meshgrid(level, level, height, indexing="ij"), -1).reshape(-1, 3)
+
+
+def pixel_of(draw, look, point) -> tuple[int, int]:
+    """(row, column) at which a world point is drawn, by plain NumPy."""
+    from render.camera import lens, look_at
+
+    view, (focal, cx, cy) = look_at(look.eye, look.target), lens(look.size, look.fov)
+    u, v, depth = view[:3] @ (np.asarray(point) - view[3])
+    return int(cy - focal * v / depth), int(cx + focal * u / depth)
+
+
+def test_empty_scene_is_ground_below_and_sky_above(render):
+    look = render.Look(size=SIZE, target=(0.0, 0.0, 0.33), fov=1.0)
+    frame, static = empty()
+    picture = render.draw(frame, look, static).astype(int)
+    assert picture.shape == (90, 160, 3) and picture[:10].std(axis=1).max() < 1.0
+    assert picture[-30:].max() - picture[-30:].min() > 25 and picture.min() > 60
+
+
+def test_cloth_is_where_it_is_projected(render):
+    frame, static = sheet(0.0)
+    look = render.Look(size=SIZE)
+    picture = render.draw(frame, look, static).astype(int)
+    for x in ((0.0, 0.0, 0.1), (0.055, 0.055, 0.1), (-0.055, 0.055, 0.1), (0.055, -0.055, 0.1)):
+        red, green, blue = picture[pixel_of(render, look, x)]
+        assert red > green + 40 and green > blue
+    for x in ((0.075, 0.0, 0.1), (0.0, -0.075, 0.1)):
+        red, _, blue = picture[pixel_of(render, look, x)]
+        assert abs(red - blue) < 30
+
+
+def test_edges_are_smooth(render):
+    frame, static = sheet(0.0)
+    picture = render.draw(frame, render.Look(size=SIZE), static).astype(int)
+    redness = picture[..., 0] - picture[..., 2]
+    inside = redness.max()
+    part = ((redness > 0.15 * inside) & (redness < 0.6 * inside)).sum()
+    assert part > 40  # pixels partly covered, along an outline of some 200
+
+
+def test_wet_cloth_is_darker_and_between_dry_and_soaked(render):
+    look = render.Look(size=SIZE)
+    levels = []
+    for saturation in (0.0, 0.5, 1.0):
+        frame, static = sheet(saturation)
+        row, column = pixel_of(render, look, (0.0, 0.0, 0.1))
+        patch = render.draw(frame, look, static)[row - 4 : row + 4, column - 4 : column + 4]
+        levels.append(((patch / 255.0) ** 2.2).mean(axis=(0, 1)))
+    assert levels[0][0] > levels[1][0] > levels[2][0]
+    assert 0.3 < levels[2][0] / levels[0][0] < 0.75
+    assert levels[2][1] / levels[2][0] < levels[0][1] / levels[0][0]  # and more saturated
+
+
+def test_water_is_clear_not_teal(render):
+    frame, static = empty()
+    look = render.Look(size=SIZE, target=(0.0, 0.0, 0.0))
+    dry = render.draw(frame, look, static).astype(float)
+    pour(frame, static, slab(0.12, 0.01, -0.005))
+    wet = render.draw(frame, look, static).astype(float)
+    row, column = pixel_of(render, look, (0.0, 0.0, 0.005))
+    here = np.s_[row - 5 : row + 5, column - 10 : column + 10]
+    shift = wet[here].mean(axis=(0, 1)) - dry[here].mean(axis=(0, 1))
+    assert np.abs(wet - dry).max() > 8  # it is seen
+    assert np.abs(shift - shift.mean()).max() < 14 and np.abs(shift).max() < 45
+
+
+@pytest.mark.parametrize("volume", [1.0, 8.0])
+def test_a_lone_drop_is_as_large_as_its_mass(render, volume):
+    frame, static = empty()
+    look = render.Look(size=(320, 180), eye=(0.0, -0.2, 0.1), target=(0.0, 0.0, 0.1), fov=0.2)
+    dry = render.draw(frame, look, static).astype(int)
+    pour(frame, static, np.array([[0.0, 0.0, 0.1]]), volume * 1000.0 * SPACING**3)
+    changed = np.abs(render.draw(frame, look, static).astype(int) - dry).max(axis=2) > 2
+    radius = (3.0 * volume / (4.0 * np.pi)) ** (1.0 / 3.0) * SPACING * 90.0 / np.tan(0.1) / 0.2
+    rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
+    height, width = np.ptp(rows) + 1, np.ptp(columns) + 1
+    assert abs(width - 2 * radius) <= 2 and abs(height - 2 * radius) <= 3
+
+
+def test_water_behind_cloth_is_not_seen(render):
+    frame, static = sheet(0.0, side=0.2)
+    look = render.Look(size=SIZE, target=(0.0, 0.0, 0.1))
+    dry = render.draw(frame, look, static)
+    pour(frame, static, slab(0.05, 0.01, 0.088))
+    assert np.abs(render.draw(frame, look, static).astype(int) - dry).max() <= 1
+
+
+def test_water_between_solids_is_seen_through_the_near_wall(render):
+    frame, static = empty()
+    look = render.Look(size=SIZE, target=(0.0, 0.0, 0.02))
+    corners = np.array([[i, j, k] for k in (-1, 1) for j in (-1, 1) for i in (-1, 1)], float)
+    quads = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
+    box = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    boxes = [((0, 0, -0.002), (0.074, 0.074, 0.002)), ((0, -0.072, 0.02), (0.074, 0.002, 0.02))]
+    static.solid_x = np.concatenate([np.array(c) + corners * h for c, h in boxes]).astype(np.float32)
+    static.solid_triangles = np.concatenate([box, box + 8]).astype(np.int32)
+    dry = render.draw(frame, look, static).astype(int)
+    pour(frame, static, slab(0.13, 0.006, 0.0))
+    wet = render.draw(frame, look, static).astype(int)
+    row, column = pixel_of(render, look, (0.0, -0.06, 0.006))
+    assert np.abs(wet - dry)[row - 2 : row + 3, column - 4 : column + 4].max() > 3
+
+
+SAME_BITS = """
+import hashlib, sys
+sys.path[:0] = [{root!r}, {tests!r}]
+from sim import runtime
+runtime.start(threads=int(sys.argv[1]))
+from render import draw, splat, water
+import test_render as t
+frame, static = t.sheet(0.4)
+if sys.argv[2] == "water":
+    t.pour(frame, static, t.slab(0.06, 0.02, 0.1))
+look = draw.Look(size=t.SIZE)
+pictures = [draw.draw(frame, look, static).tobytes() for _ in range(2)]
+assert pictures[0] == pictures[1]
+kernels = [k._primal for m in (water, splat) for k in vars(m).values() if hasattr(k, "_primal")]
+print(hashlib.sha256(pictures[0]).hexdigest(), sum(len(k.compiled_kernels) for k in kernels))
+"""
+
+
+def in_process(threads: int, what: str) -> list[str]:
+    code = SAME_BITS.format(root=str(ROOT), tests=str(ROOT / "tests"))
+    done = subprocess.run([sys.executable, "-c", code, str(threads), what], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+def test_same_bits_on_one_and_two_threads():
+    one, two = in_process(1, "water"), in_process(2, "water")
+    assert one == two and int(one[1]) >= 5
+
+
+def test_cloth_alone_compiles_no_water_kernel():
+    assert in_process(1, "cloth")[1] == "0"
+
+
+def test_png_and_film_have_the_very_size(render, tmp_path):
+    from render.film import write_film
+    from render.image import write_png
+    from sim.errors import ConfigError
+
+    pictures = [np.full((356, 634, 3), 20 * i, np.uint8) for i in range(5)]
+    write_png(tmp_path / "a.png", pictures[3])
+    assert np.array_equal(iio.imread(tmp_path / "a.png"), pictures[3])
+    assert write_film(tmp_path / "a.mp4", iter(pictures), (634, 356), 30) == 5
+    film = iio.imread(tmp_path / "a.mp4", plugin="FFMPEG")
+    assert film.shape == (5, 356, 634, 3) and abs(int(film[3].mean()) - 60) < 6
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mp4", "a.png"]
+    with pytest.raises(ConfigError, match="even"):
+        write_film(tmp_path / "b.mp4", iter(pictures), (633, 356), 30)
