@@ -78,6 +78,7 @@ def run(
         with _progress("simulating", world.frame_count) as reach:
             folder = runs.drive(world, config, where, _each(drawn, reach))
         print(f"{folder.label}: {world.frame_count} frames, ledger {folder.ledger}")
+        print(f"{folder.label}: {_cost(folder.record())}")
     if not no_render:
         _chart(folder)
         _film(folder, config)
@@ -88,7 +89,7 @@ def run(
 def video(
     name: Run,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="Pixels, such as 634x356; even numbers.")] = None,
-    fps: Annotated[int | None, typer.Option(min=1, help="Frames a second of the film; the run's own if left out.")] = None,
+    fps: Annotated[int | None, typer.Option(min=1, help="Of the film; the run's own if left out.")] = None,
     eye: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Where the camera stands [m].")] = None,
     target: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="What it looks at [m].")] = None,
     fov: Annotated[str | None, typer.Option(metavar="ANGLE", help="Vertical field of view, such as '32 deg'.")] = None,
@@ -136,13 +137,16 @@ def view(
     def step():
         return world.advance() if world.frame_index < world.frame_count else None
 
-    shown = window.live(step, reset, draw.draw, _look(config), world.static, config.name, capture)
+    pictures = frames if capture else None
+    shown = window.live(step, reset, draw.draw, _look(config), world.static, config.name, capture, pictures)
     if capture:
         print(f"{config.name}: {shown} pictures in {capture}")
 
 
 @app.command()
-def doctor(scene: Annotated[str | None, typer.Argument(help="A scene: what it costs, which limits bind.")] = None) -> None:
+def doctor(
+    scene: Annotated[str | None, typer.Argument(help="A scene: its cost and limits.")] = None,
+) -> None:
     """What this machine can do, in ten lines; of a scene, which limit binds and what it costs."""
     from sim import doctor as doctors
 
@@ -223,6 +227,13 @@ def _film(folder, config, path: Path | None = None, fps: int | None = None, anew
                 reach(done)
 
     film.write_film(path or folder.video, pictures(), look.size, fps or config.run.fps)
+
+
+def _cost(record: dict) -> str:
+    """Where the time went, the dearest stages first."""
+    stages = sorted(record["stages"].items(), key=lambda item: -item[1])[:6]
+    dearest = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages)
+    return f"{record['seconds_per_simulated_second'] or 0:.1f} s per simulated second; {dearest}"
 
 
 def _chart(folder) -> None:

@@ -33,7 +33,7 @@ def row(view, i: ti.template()):
 
 @ti.func
 def ray(view, lens, u, v):
-    """Direction d through image point (u, v) [pixels], scaled so that d.forward = 1: a point at depth z is eye + z d."""
+    """Direction d through image point (u, v) [pixels], scaled so that d.forward = 1: depth z is at eye + z d."""
     return row(view, 2) + ((u - lens[1]) / lens[0]) * row(view, 0) - ((v - lens[2]) / lens[0]) * row(view, 1)
 
 

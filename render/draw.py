@@ -116,7 +116,7 @@ class Renderer:
         light = self.light
         opaque.shade_opaque(
             view, glass, to_sun, look.tile, fade, ground_z, self.keys, self.backs,
-            light.view, light.lens, light.keys, light.ranges, DISC, light.low, light.cell, light.seen, first_solid,
+            light.view, light.lens, light.keys, light.nearest, DISC, light.low, light.cell, light.seen, first_solid,
             *sheet_arrays, colour, hem, self.solid_x, self.solid_triangles, self.image, self.facets, cloth, self.solids,
         )
         return first_solid
@@ -140,7 +140,7 @@ class Renderer:
         water.surface(frame, spacing, view, glass, self.facets)
         shade_water(
             view, glass, to_sun, spacing, water.depths, water.reach, water.body, self.keys,
-            light.view, light.lens, light.keys, light.ranges, DISC, first_solid,
+            light.view, light.lens, light.keys, light.nearest, DISC, first_solid,
             light.low, light.cell, light.seen, self.image, water.image,
         )
         return water.image

@@ -33,7 +33,7 @@ def write_film(path: Path, pictures: Iterable[np.ndarray], size: tuple[int, int]
         encoder.send(None)
         for picture in pictures:
             if picture.shape != (height, width, 3):
-                raise RunError(f"{path}: picture {count} is {picture.shape[1]} x {picture.shape[0]}, not {width} x {height}")
+                raise RunError(f"{path}: picture {count} is {picture.shape}, not {(height, width, 3)}")
             encoder.send(np.ascontiguousarray(picture))
             count += 1
         encoder.close()

@@ -6,7 +6,7 @@ import numpy as np
 import taichi as ti
 
 from render import raster
-from render.camera import VEC3, VIEW, lens, look_at, project
+from render.camera import VEC3, lens, look_at, project
 from render.raster import KEYS, POINTS, TRIANGLES, depth_of
 
 SUN = (2.30, 2.20, 2.06)  # irradiance over pi, linear RGB
@@ -16,14 +16,14 @@ GROUND = (1.50, 1.49, 1.46)  # sunlit checks from afar
 BOUNCE = (0.72, 0.71, 0.70)  # from a pale ground
 SUN_SPREAD = 0.035  # tangent of half the sun's angle: a hazy day
 MAP = 768  # texels a side
-BLOCK = 24  # texels a side of a block whose depth range may settle a shadow without sampling it
+BLOCK = 24  # texels a side of a block whose nearest depth may settle a shadow without sampling it
 CELL_COUNT = 44  # of the ambient volume along its longest side
 GLASS_SHADE = 0.45  # of the sun that a solid keeps out
 DISC = np.stack(
     [np.sqrt((k + 0.5) / 32) * np.array([math.cos(2.399963 * k), math.sin(2.399963 * k)]) for k in range(32)]
 ).astype(np.float32)
 VOLUME = ti.types.ndarray(dtype=ti.f32, ndim=3)
-RANGES = ti.types.ndarray(dtype=ti.types.vector(2, ti.f32), ndim=2)
+NEAREST = ti.types.ndarray(dtype=ti.f32, ndim=2)
 DIRECTIONS = ti.types.ndarray(dtype=ti.types.vector(2, ti.f32), ndim=1)
 
 
@@ -59,14 +59,14 @@ def dither(y, x):
 
 
 @ti.func
-def sun_seen(keys: ti.template(), ranges: ti.template(), disc: ti.template(), view, lens, first_solid, p, turn):
+def sun_seen(keys: ti.template(), blocks_near: ti.template(), disc: ti.template(), view, lens, first_solid, p, turn):
     """Fraction of the sun seen from p: percentage-closer soft shadows (Fernando 2005) on a fixed disc of 32 points."""
     at = project(view, lens, p)
     seen = 1.0
-    side, blocks = keys.shape[0], ranges.shape[0]
+    side, blocks = keys.shape[0], blocks_near.shape[0]
     bx, by = ti.cast(at[0] / BLOCK, ti.i32), ti.cast(at[1] / BLOCK, ti.i32)
     if 0 < bx < blocks - 1 and 0 < by < blocks - 1:
-        nearest = ranges[by, bx][0]
+        nearest = blocks_near[by, bx]
         if at[2] > nearest:
             texel = at[2] / lens[0]
             widest = ti.math.clamp((at[2] - nearest) * SUN_SPREAD / texel, 1.0, BLOCK - 2.0)
@@ -106,15 +106,15 @@ def shade(keys: ti.template(), u, v, depth, first_solid, side):
 
 
 @ti.kernel
-def block_ranges(keys: KEYS, ranges: RANGES):
+def nearest_of_blocks(keys: KEYS, blocks_near: NEAREST):
     """Nearest depth within each block of the sun's map and the blocks about it."""
     side = keys.shape[0]
-    for by, bx in ti.ndrange(ranges.shape[0], ranges.shape[1]):
+    for by, bx in ti.ndrange(blocks_near.shape[0], blocks_near.shape[1]):
         nearest = raster.FAR
         for y in range(ti.max(0, (by - 1) * BLOCK), ti.min(side, (by + 2) * BLOCK)):
             for x in range(ti.max(0, (bx - 1) * BLOCK), ti.min(side, (bx + 2) * BLOCK)):
                 nearest = ti.min(nearest, depth_of(keys[y, x, 0]))
-        ranges[by, bx] = ti.Vector([nearest, 0.0])
+        blocks_near[by, bx] = nearest
 
 
 @ti.kernel
@@ -154,7 +154,7 @@ def see_sky(blocked: VOLUME, seen: VOLUME, disc: DIRECTIONS):
 
 @ti.kernel
 def blur_cells(source: VOLUME, target: VOLUME):
-    """Mean over 2 x 2 x 2 cells about each corner, which evens out the turned rays."""
+    """Tent-weighted mean over 3 x 3 x 3 cells, which evens out the turned rays; open sky beyond the sides."""
     nx, ny, nz = source.shape[0], source.shape[1], source.shape[2]
     for i, j, k in ti.ndrange(nx, ny, nz):
         total, weight = 0.0, 0.0
@@ -195,11 +195,11 @@ def sky_seen(seen: ti.template(), low, cell, p):
 
 
 class Light:
-    """Sun map and ambient volume of one frame; `update` fills them from the meshes [(x, triangles, first_id, amount)]."""
+    """Sun map and ambient volume of one frame; `update` fills them from meshes [(x, triangles, first_id, amount)]."""
 
     def __init__(self):
         self.keys = ti.ndarray(ti.i64, (MAP, MAP, 1))
-        self.ranges = ti.ndarray(ti.types.vector(2, ti.f32), (MAP // BLOCK, MAP // BLOCK))
+        self.nearest = ti.ndarray(ti.f32, (MAP // BLOCK, MAP // BLOCK))
         self.view, self.lens = look_at((0, 0, 1), (0, 0, 0)), lens((MAP, MAP), 0.1)
         self.low, self.cell = np.zeros(3, np.float32), 1.0
         self.seen = np.ones((1, 1, 1), np.float32)
@@ -212,9 +212,10 @@ class Light:
             high = np.max([m[0].max(axis=0) for m in meshes], axis=0)
             self._aim(low, high, np.asarray(direction, float))
             for x, triangles, first_id, _ in meshes:
-                raster.rasterise(x, triangles, first_id, self.view, self.lens, raster.strips(triangles), self.keys, self.keys, False)
+                bands = raster.strips(triangles)
+                raster.rasterise(x, triangles, first_id, self.view, self.lens, bands, self.keys, self.keys, False)
             self._ambient(meshes, low, high, ground_z)
-        block_ranges(self.keys, self.ranges)
+        nearest_of_blocks(self.keys, self.nearest)
 
     def _aim(self, low, high, direction) -> None:
         grain = 0.02 * float(np.max(high - low)) + 1e-6

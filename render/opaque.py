@@ -5,7 +5,7 @@ import taichi as ti
 from render.camera import VEC3, VIEW, ray, row
 from render.cloth import FILM_SHINE, THROUGH, UV, WETNESS, cloth_albedo
 from render.ground import ground_albedo
-from render.light import DIRECTIONS, RANGES, SUN, VOLUME, ambient, dither, sky, sky_seen, sun_seen
+from render.light import DIRECTIONS, NEAREST, SUN, VOLUME, ambient, dither, sky, sky_seen, sun_seen
 from render.raster import FAR, KEYS, NEAR, POINTS, TRIANGLES, depth_of, edges, index_of, pack, sample_offset
 
 GROUND = 0x7FFFFFFE  # ids: cloth triangles, then solids' triangles, then these
@@ -95,7 +95,7 @@ def hazed(colour, distance, fade, away):
 @ti.kernel
 def shade_opaque(
     view: VIEW, lens: VEC3, to_sun: VEC3, tile: ti.f32, fade: ti.f32, ground_z: ti.f32, keys: KEYS, backs: KEYS,
-    sun_view: VIEW, sun_lens: VEC3, sun_keys: KEYS, ranges: RANGES, disc: DIRECTIONS,
+    sun_view: VIEW, sun_lens: VEC3, sun_keys: KEYS, blocks_near: NEAREST, disc: DIRECTIONS,
     low: VEC3, cell: ti.f32, seen: VOLUME, first_solid: ti.i32,
     cloth_x: POINTS, cloth_normals: POINTS, wetness: WETNESS, uv: UV, cloth_triangles: TRIANGLES,
     colour: VEC3, hem: VEC4, solid_x: POINTS, solid_triangles: TRIANGLES,
@@ -124,7 +124,8 @@ def shade_opaque(
                     if ti.static(cloth):
                         if index < first_solid:
                             facet, albedo, shine = cloth_surface(
-                                index, d, eye, footprint, cloth_x, cloth_normals, wetness, uv, cloth_triangles, colour, hem
+                                index, d, eye, footprint, cloth_x, cloth_normals, wetness, uv, cloth_triangles,
+                                colour, hem,
                             )
                             through = THROUGH
                     if ti.static(solids):
@@ -132,7 +133,7 @@ def shade_opaque(
                             facet = solid_normal(index - first_solid, solid_x, solid_triangles)
                     facet *= -1.0 if facet.dot(away) > 0.0 else 1.0
                     lifted = p + LIFT * (to_sun + (facet if facet.dot(to_sun) > 0.0 else -facet))
-                    sun = sun_seen(sun_keys, ranges, disc, sun_view, sun_lens, first_solid, lifted, dither(y, x))
+                    sun = sun_seen(sun_keys, blocks_near, disc, sun_view, sun_lens, first_solid, lifted, dither(y, x))
                     open_sky = sky_seen(seen, low, cell, p + 0.9 * cell * facet)
                     last = facing_light(albedo, facet, away, to_sun, sun, open_sky, shine, through)
                     if index == GROUND:

@@ -6,7 +6,7 @@ A buffer holds int64 keys, depth bits above and triangle id below, so integer at
 import numpy as np
 import taichi as ti
 
-from render.camera import VEC3, VIEW, project, ray, row
+from render.camera import VEC3, VIEW, project, row
 
 FAR = 3.0e38
 EMPTY = int(np.float32(FAR).view(np.int32)) << 32 | 0x7FFFFFFF

@@ -15,7 +15,6 @@ FIXED = 4096.0  # units of coverage
 DEPTH_UNIT = 1e-7  # [m] of water
 BULK = 0.85  # radius of a particle among others, in spacings: neighbours merge
 OUTLINE = 0.7  # width of the blur of outlines, in that of depths
-LONE = 0.62  # (3/(4 pi))^(1/3): radius of a sphere of one particle's volume, in spacings
 COUNTS = ti.types.ndarray(dtype=ti.i32, ndim=1)
 LAYER = ti.types.ndarray(dtype=ti.i32, ndim=2)
 BODY = ti.types.ndarray(dtype=ti.types.vector(2, ti.f32), ndim=2)
@@ -28,30 +27,42 @@ def bucket(cell, mask):
     return ((cell[0] * 73856093) ^ (cell[1] * 19349663) ^ (cell[2] * 83492791)) & mask
 
 
+@ti.func
+def share(f, a: ti.template(), b: ti.template(), c: ti.template()):
+    """Part that corner (a, b, c) of a cell takes of a particle at f in it."""
+    return (f[0] if a else 1.0 - f[0]) * (f[1] if b else 1.0 - f[1]) * (f[2] if c else 1.0 - f[2])
+
+
 @ti.kernel
 def crowd(x: POINTS, mass: SCALARS, spacing: ti.f32, counts: COUNTS, company: SCALARS):
-    """How far each particle is among others: 0 alone, 1 in the bulk. Mass is spread over cells of two spacings and read back."""
+    """How far each particle is among others, 0 alone to 1: mass is spread over cells of two spacings and read back."""
     mask = counts.shape[0] - 1
-    unit = REST_DENSITY * spacing ** 3
+    unit = REST_DENSITY * spacing**3
     for i in range(counts.shape[0]):
         counts[i] = 0
     for i in range(x.shape[0]):
         at = x[i] / (2.0 * spacing)
         base = ti.floor(at, ti.i32)
-        f = at - base
         for a, b, c in ti.static(ti.ndrange(2, 2, 2)):
-            weight = (f[0] if a else 1.0 - f[0]) * (f[1] if b else 1.0 - f[1]) * (f[2] if c else 1.0 - f[2])
-            add = ti.cast(FIXED * weight * mass[i] / unit + 0.5, ti.i32)
-            ti.atomic_add(counts[bucket(base + ti.Vector([a, b, c]), mask)], add)
+            part = share(at - base, a, b, c) * mass[i] / unit
+            ti.atomic_add(counts[bucket(base + ti.Vector([a, b, c]), mask)], ti.cast(FIXED * part + 0.5, ti.i32))
     for i in range(x.shape[0]):
         at = x[i] / (2.0 * spacing)
         base = ti.floor(at, ti.i32)
-        f = at - base
         around = 0.0
         for a, b, c in ti.static(ti.ndrange(2, 2, 2)):
-            weight = (f[0] if a else 1.0 - f[0]) * (f[1] if b else 1.0 - f[1]) * (f[2] if c else 1.0 - f[2])
-            around += weight * (counts[bucket(base + ti.Vector([a, b, c]), mask)] / FIXED - weight * mass[i] / unit)
+            part = share(at - base, a, b, c)
+            around += part * (counts[bucket(base + ti.Vector([a, b, c]), mask)] / FIXED - part * mass[i] / unit)
         company[i] = ti.math.smoothstep(0.15, 1.2, around)
+
+
+@ti.func
+def ball(mass, company, spacing, texel):
+    """(radius, outer radius where coverage ends, radius of the thickness kernel) of a particle [m]."""
+    lone = ti.pow(0.2387324 * mass / REST_DENSITY, 1.0 / 3.0)
+    radius = ti.max(lone + company * ti.max(BULK * spacing - lone, 0.0), 0.5 * texel)
+    outer = radius + ti.max(0.5 * texel, 0.22 * spacing * company)
+    return radius, outer, ti.max(1.5 * lone + 0.9 * spacing * company, 1.2 * texel)
 
 
 @ti.kernel
@@ -67,36 +78,28 @@ def splat(
     for i in range(x.shape[0]):
         at = project(view, lens, x[i])
         if at[2] > 0.01:
-            volume = mass[i] / REST_DENSITY
-            lone = ti.pow(0.2387324 * volume, 1.0 / 3.0)
-            radius = lone + company[i] * ti.max(BULK * spacing - lone, 0.0)
             texel = at[2] / lens[0]
-            radius = ti.max(radius, 0.5 * texel)
-            outer = radius + ti.max(0.5 * texel, 0.22 * spacing * company[i])
-            spread = ti.max(1.5 * lone + 0.9 * spacing * company[i], 1.2 * texel)
-            peak = 3.0 * volume / (3.14159265 * spread * spread)
-            reach = ti.max(outer, spread) / texel
+            radius, outer, spread = ball(mass[i], company[i], spacing, texel)
+            peak = 3.0 * mass[i] / REST_DENSITY / (3.14159265 * spread * spread) / DEPTH_UNIT
             room = FAR
             if company[i] > 0.5 and hidden(x[i], at, spacing, view, lens, facets):
                 room = 8.0 * spacing
+            reach = ti.max(outer, spread) / texel
             x0, x1 = ti.max(ti.cast(at[0] - reach, ti.i32), 0), ti.min(ti.cast(at[0] + reach, ti.i32) + 1, width)
             y0, y1 = ti.max(ti.cast(at[1] - reach, ti.i32), 0), ti.min(ti.cast(at[1] + reach, ti.i32) + 1, height)
             for py in range(y0, y1):
                 for px in range(x0, x1):
                     du, dv = (px + 0.5 - at[0]) * texel, (py + 0.5 - at[1]) * texel
                     d_sq = du * du + dv * dv
-                    if d_sq < reach * reach * texel * texel and seen(
-                        x[i], at[2], spacing, room, view, lens, px, py, facets
-                    ):
+                    near = d_sq < ti.max(outer, spread) ** 2
+                    if near and seen(x[i], at[2], spacing, room, view, lens, px, py, facets):
                         if d_sq < outer * outer:
-                            d = ti.sqrt(d_sq)
                             front = at[2] - ti.sqrt(outer * outer - d_sq) + (outer - radius)
                             ti.atomic_min(water[py, px, 0], pack(front, i))
-                            edge = ti.min(0.5 * (outer - d) / (outer - radius), 1.0)
+                            edge = ti.min(0.5 * (outer - ti.sqrt(d_sq)) / (outer - radius), 1.0)
                             ti.atomic_add(cover[py, px], ti.cast(FIXED * edge, ti.i32))
-                        q = 1.0 - d_sq / (spread * spread)
-                        if q > 0.0:
-                            ti.atomic_add(thick[py, px], ti.cast(peak * q * q / DEPTH_UNIT, ti.i32))
+                        q = ti.max(1.0 - d_sq / (spread * spread), 0.0)
+                        ti.atomic_add(thick[py, px], ti.cast(peak * q * q, ti.i32))
 
 
 @ti.func
@@ -177,7 +180,7 @@ def body_at(cover: ti.template(), thick: ti.template(), y, x):
 
 @ti.kernel
 def smooth_body(cover: LAYER, thick: LAYER, reach: DEPTHS, spare: BODY, body: BODY):
-    """Coverage and thickness blurred along rows, then columns: the outline cover = 1/2 loses the bumps of its particles."""
+    """Coverage and thickness blurred along rows, then columns: the outline cover = 1/2 loses its particles' bumps."""
     height, width = body.shape[0], body.shape[1]
     for y, x in ti.ndrange(height, width):
         total, weight = body_at(cover, thick, y, x), 1.0

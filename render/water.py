@@ -7,14 +7,17 @@ import taichi as ti
 
 from render import raster, splat
 from render.camera import VEC3, VIEW, project, ray, row
-from render.light import DIRECTIONS, RANGES, VOLUME, sky, sky_seen, studio, sun_seen
+from render.light import DIRECTIONS, NEAREST, VOLUME, dither, sky, sky_seen, studio, sun_seen
 from render.opaque import IMAGE
-from render.raster import KEYS, depth_of
+from render.raster import FAR, KEYS, depth_of
 from render.splat import BODY, DEPTHS
 
 INDEX = 1.333  # of refraction
-LENS = 0.4  # of the true deflection by a free body, whose far side is guessed from its near side
-ABSORB = (9.0, 2.2, 1.4)  # [1/m]: twenty times pure water, so that centimetres show the faintest blue-green
+LENS = (0.9, 0.4)  # of a free body's full deflection, alone and merged: its far side is guessed from its near side
+DEEP = 0.06  # [m]: tint stops growing about here, or a tank would be a block of ink
+BLUR = 0.011  # of the picture's height: what a stream's unseen ripples smear
+GLINT = 9.0  # of the sun in water, over the sun's irradiance
+ABSORB = (11.0, 2.6, 1.6)  # [1/m]: some thirty times pure water, so that centimetres show the faintest blue-green
 
 
 @ti.func
@@ -29,11 +32,16 @@ def fetch(image: ti.template(), u, v):
 
 
 @ti.func
-def behind(image: ti.template(), keys: ti.template(), at, straight, nearest):
-    """Opaque colour at the image point `at`, unless something nearer than `nearest` [m] stands there."""
+def behind(image: ti.template(), keys: ti.template(), at, straight, nearest, blur):
+    """Opaque colour about the image point `at`, mean of a square of side `blur` [pixels]; `straight` if what stands
+    there is nearer than `nearest` [m]."""
     ix = ti.math.clamp(ti.cast(at[0], ti.i32), 0, image.shape[1] - 1)
     iy = ti.math.clamp(ti.cast(at[1], ti.i32), 0, image.shape[0] - 1)
     colour = fetch(image, at[0], at[1])
+    if blur > 0.5:
+        colour = ti.Vector([0.0, 0.0, 0.0])
+        for k in range(16):
+            colour += fetch(image, at[0] + blur * (k % 4 - 1.5) / 4.0, at[1] + blur * (k // 4 - 1.5) / 4.0) / 16.0
     if depth_of(keys[iy, ix, 0]) < nearest:
         colour = straight
     return colour
@@ -62,7 +70,7 @@ def slope(depths: ti.template(), y, x, step_y, step_x, band):
     """Depth change per pixel along one axis, from the side that stays on the same water."""
     height, width = depths.shape[0], depths.shape[1]
     middle = depths[y, x]
-    ahead, behind = raster.FAR, raster.FAR
+    ahead, behind = FAR, FAR
     if y + step_y < height and x + step_x < width:
         ahead = depths[y + step_y, x + step_x] - middle
     if y >= step_y and x >= step_x:
@@ -118,63 +126,73 @@ def coverage(body: ti.template(), y, x):
     return ti.math.clamp(0.5 + (value - 0.5) / ti.max(gradient, 0.02), 0.0, 1.0)
 
 
+@ti.func
+def refracted(
+    image: ti.template(), keys: ti.template(), view, lens, p, away, normal, straight, depth, room, water, free, merged,
+    spacing,
+):
+    """Radiance that comes through the water at p: bent once onto what it rests on, twice if it hangs free in the air.
+
+    straight: opaque colour of this pixel; room: way to that surface [m]; water: water on that way [m].
+    """
+    inside = bend(away, normal, 1.0 / INDEX)
+    length = ti.min(water, room)
+    level = ti.min(-away.dot(normal) / ti.max(-inside.dot(normal), 0.1), 1.0)
+    leave = p + length * (free + (1.0 - free) * level) * inside
+    out = bend(inside, 2.0 * normal.dot(away) * away - normal, INDEX)
+    out = (inside + free * (away + (LENS[0] + (LENS[1] - LENS[0]) * merged) * (out - away) - inside)).normalized(1e-12)
+    at = project(view, lens, leave + free * (room - length) * out)
+    colour = behind(image, keys, at, straight, depth - spacing, BLUR * free * merged * image.shape[0])
+    if free > 0.0:
+        border = ti.min(at[0], image.shape[1] - at[0], at[1], image.shape[0] - at[1])
+        known = ti.math.clamp(border / 40.0, 0.0, 1.0) if out.dot(row(view, 2)) > 0.1 else 0.0
+        colour += (sky(out) - colour) * (1.0 - known) * free
+    return colour * ti.exp(-ti.Vector(ABSORB) * length / (1.0 + length / DEEP))
+
+
+@ti.func
+def in_front(keys: ti.template(), y, x, depth):
+    """Fraction of the pixel's samples that see nothing opaque nearer than `depth`."""
+    shown = 0.0
+    for s in range(4):
+        shown += 0.25 if depth_of(keys[y, x, s]) > depth else 0.0
+    return shown
+
+
 @ti.kernel
 def shade_water(
-    view: VIEW, lens: VEC3, to_sun: VEC3, spacing: ti.f32, depths: DEPTHS, reach: DEPTHS, body: BODY,
-    keys: KEYS, sun_view: VIEW, sun_lens: VEC3, sun_keys: KEYS, ranges: RANGES, disc: DIRECTIONS, first_solid: ti.i32,
+    view: VIEW, lens: VEC3, to_sun: VEC3, spacing: ti.f32, depths: DEPTHS, reach: DEPTHS, body: BODY, keys: KEYS,
+    sun_view: VIEW, sun_lens: VEC3, sun_keys: KEYS, blocks_near: NEAREST, disc: DIRECTIONS, first_solid: ti.i32,
     low: VEC3, cell: ti.f32, open_sky: VOLUME, image: IMAGE, target: IMAGE,
 ):
-    """Composite: image is the opaque picture, target the picture with water."""
+    """image, the opaque picture, with water in front -> target."""
     for y, x in ti.ndrange(target.shape[0], target.shape[1]):
-        colour, depth = image[y, x], depths[y, x]
-        if depth < 1e30:
-            shown = 0.0
-            for s in range(4):
-                shown += 0.25 if depth_of(keys[y, x, s]) > depth - 0.3 * spacing else 0.0
-            alpha = coverage(body, y, x) * shown
-            if alpha > 0.0:
-                d = ray(view, lens, x + 0.5, y + 0.5)
-                stretch = d.norm()
-                away = d / stretch
-                p = row(view, 3) + depth * d
-                depth_behind = depth_of(keys[y, x, 0])
-                room = ti.max(depth_behind - depth, 0.0) * stretch
-                water = body[y, x][1]
-                free = ti.math.smoothstep(3.0, 7.0, (room - water) / spacing)
-                length = ti.min(water, room)
-                normal = water_normal(depths, view, lens, y, x, 2.0 * spacing)
-                if free > 0.0:
-                    swell = body_normal(body, view, away, y, x, depth / lens[0])
-                    normal += free * ti.min(0.25 * reach[y, x], 0.85) * (swell - normal)
-                    normal = normal.normalized(1e-12)
-                inside = bend(away, normal, 1.0 / INDEX)
-                cosine = -away.dot(normal)
-                path = length * ti.min(cosine / ti.max(-inside.dot(normal), 0.1), 1.0) if free < 1.0 else length
-                leave = p + path * inside
-                back = normal - 2.0 * normal.dot(away) * away
-                out = bend(inside, -back, INDEX)
-                travel = ti.math.clamp(room - length, 0.0, 1.0)
-                out = (inside * (1.0 - free) + (LENS * out + (1.0 - LENS) * away) * free).normalized(1e-12)
-                goal = leave + travel * free * out
-                seen_at = project(view, lens, goal)
-                through = behind(image, keys, seen_at, colour, depth - spacing)
-                if free > 0.0:
-                    border = ti.min(seen_at[0], image.shape[1] - seen_at[0], seen_at[1], image.shape[0] - seen_at[1])
-                    known = ti.math.clamp(border / 40.0, 0.0, 1.0) if out.dot(row(view, 2)) > 0.1 else 0.0
-                    through += (sky(out) - through) * (1.0 - known) * free
-                through *= ti.exp(-ti.Vector(ABSORB) * length)
-                fresnel = 0.02 + 0.98 * ti.pow(1.0 - ti.math.clamp(cosine, 0.0, 1.0), 5.0)
-                mirror = away + 2.0 * cosine * normal
-                sees = sky_seen(open_sky, low, cell, p + cell * normal)
-                half = (to_sun - away).normalized(1e-12)
-                glint = ti.max(half.dot(normal), 0.0) ** 400 * 9.0 * ti.min(4.0 * cosine, 1.0)
-                if glint > 0.02:
-                    glint *= sun_seen(sun_keys, ranges, disc, sun_view, sun_lens, first_solid, p + 0.002 * to_sun, 0.0)
-                reflected = studio(mirror, to_sun) * (0.25 + 0.75 * sees)
-                if fresnel > 0.03:
-                    reflected = mirrored(image, keys, view, lens, p, mirror, spacing, reflected)
-                shine = fresnel * reflected
-                colour += alpha * (through * (1.0 - fresnel) + shine + glint - colour)
+        colour, depth, alpha = image[y, x], depths[y, x], 0.0
+        if depth < FAR:
+            alpha = coverage(body, y, x) * in_front(keys, y, x, depth - 0.3 * spacing)
+        if alpha > 0.0:
+            d = ray(view, lens, x + 0.5, y + 0.5)
+            p, away = row(view, 3) + depth * d, d.normalized(1e-12)
+            room, water = ti.max(depth_of(keys[y, x, 0]) - depth, 0.0) * d.norm(), body[y, x][1]
+            free = ti.math.smoothstep(3.0, 7.0, (room - water) / spacing)
+            merged = ti.min(0.25 * reach[y, x], 1.0)
+            normal = water_normal(depths, view, lens, y, x, 2.0 * spacing)
+            bulge = body_normal(body, view, away, y, x, depth / lens[0])
+            normal = (normal + 0.85 * free * merged * (bulge - normal)).normalized(1e-12)
+            through = refracted(
+                image, keys, view, lens, p, away, normal, colour, depth, ti.min(room, 1.0), water, free, merged, spacing
+            )
+            cosine = ti.math.clamp(-away.dot(normal), 0.0, 1.0)
+            fresnel = 0.02 + 0.98 * (1.0 - cosine) ** 5
+            mirror = away + 2.0 * cosine * normal
+            sees = 0.25 + 0.75 * sky_seen(open_sky, low, cell, p + cell * normal)
+            mirrored_light = mirrored(image, keys, view, lens, p, mirror, spacing, sees * studio(mirror, to_sun))
+            half = (to_sun - away).normalized(1e-12)
+            glint = GLINT * ti.max(half.dot(normal), 0.0) ** 400 * ti.min(4.0 * cosine, 1.0)
+            if glint > 0.02:
+                lit = p + 0.002 * to_sun
+                glint *= sun_seen(sun_keys, blocks_near, disc, sun_view, sun_lens, first_solid, lit, dither(y, x))
+            colour += alpha * (through + fresnel * (mirrored_light - through) + glint - colour)
         target[y, x] = colour
 
 

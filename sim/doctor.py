@@ -36,20 +36,23 @@ def machine() -> str:
 def scene(name: str) -> str:
     """What a scene costs and which limit of the time step binds, before anything is run."""
     conf = config.load(name)
-    lines = [f"{conf.name}: {conf.title}".rstrip(": "), f"frames    {conf.run.frame_count} at {conf.run.fps} per second"]
+    rows = [("scene", f"{conf.name}: {conf.title}"), ("frames", f"{conf.run.frame_count} at {conf.run.fps} per second")]
     if conf.fluid:
-        count, water = _particles(conf), conf.fluid
-        lines.append(f"water     about {count:,} particles of {1e3 * water.spacing:g} mm, {water.method}")
+        water = conf.fluid
+        rows.append(("water", f"about {_particles(conf):,} particles of {1e3 * water.spacing:g} mm, {water.method}"))
     if conf.cloth:
         across, along = conf.cloth.node_counts
-        lines.append(f"cloth     {across} x {along} nodes, {2 * (across - 1) * (along - 1):,} triangles, {conf.cloth.method}")
-    lines.append(f"speed     {guard.expected_speed(conf):.2g} m/s expected; {guard.EXPLODING:g} times that is called exploding")
+        triangles = 2 * (across - 1) * (along - 1)
+        rows.append(("cloth", f"{across} x {along} nodes, {triangles:,} triangles, {conf.cloth.method}"))
+    speed = guard.expected_speed(conf)
+    rows.append(("speed", f"{speed:.2g} m/s expected; {guard.EXPLODING:g} times that is called exploding"))
     limits = sorted(_limits(conf).items(), key=lambda item: item[1])
-    lines += [f"dt        {seconds:.2g} s by {what}{'  <- binds' if n == 0 else ''}" for n, (what, seconds) in enumerate(limits)]
-    lines += [f"warning   {text}" for text in conf.warnings]
+    rows += [("dt", f"{seconds:.2g} s by {what}") for what, seconds in limits]
+    rows.append(("binds", limits[0][0]))
+    rows += [("warning", text) for text in conf.warnings]
     failed = [folder for folder in run.runs(conf.name)[-1:] if folder.record().get("state") == "diverged"]
-    lines += [f"last run  {folder.label}: {folder.record().get('reason')}" for folder in failed]
-    return "\n".join(lines)
+    rows += [("last run", f"{folder.label}: {folder.record().get('reason')}") for folder in failed]
+    return "\n".join(f"{title:9} {text}" for title, text in rows)
 
 
 def _limits(conf: Config) -> dict[str, float]:
@@ -124,7 +127,7 @@ def _encoder() -> str:
 
 
 def _display() -> bool:
-    return platform.system() != "Linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return platform.system() != "Linux" or bool(os.environ.get("DISPLAY"))
 
 
 def _cache() -> str:

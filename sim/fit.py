@@ -77,18 +77,19 @@ def _streams(config: Config) -> list[Problem]:
 def _cloth(config: Config) -> list[Problem]:
     if not config.cloth:
         return []
-    across, along = config.cloth.node_counts
-    found = [
-        Problem("cloth.spacing", text) for side in dict.fromkeys(config.cloth.size) if (text := _mesh(side, config.cloth.spacing))
-    ]
-    return found + [
+    cloth = config.cloth
+    across, along = cloth.node_counts
+    mesh = [Problem("cloth.spacing", _mesh(side, cloth.spacing)) for side in dict.fromkeys(cloth.size)]
+    pins = [
         Problem(f"cloth.pins.{name}.where", f"has a node outside [0, 0] to [{across - 1}, {along - 1}]")
-        for name, pin in config.cloth.pins.items()
+        for name, pin in cloth.pins.items()
         if not isinstance(pin.where, str) and any(i >= across or j >= along for i, j in pin.where)
     ]
+    return [problem for problem in mesh if problem.text] + pins
 
 
 def _mesh(side: float, spacing: float) -> str:
+    """What keeps the mesh from fitting this side; "" if it fits."""
     patches = round(side / spacing)
     if patches < 2:
         return f"must go at least twice into {side:g} m"

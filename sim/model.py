@@ -77,7 +77,7 @@ def quantity(
         dimension = units.name_of(units.parse(default)[1]) if text else "number"
     bounds = Range(units.dimension(dimension), gt, ge, lt, le)
     if isinstance(default, (list, tuple)):
-        default = tuple(_number(v, bounds) for v in default)
+        default = tuple(_number(v, bounds) if isinstance(v, str) else v for v in default)
     elif text:
         default = _number(default, bounds)
     return Field(default, description=why, json_schema_extra={"range": bounds})

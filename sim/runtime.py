@@ -57,6 +57,7 @@ def _init(arch: str, real, threads: int, debug: bool) -> None:
         cpu_max_num_threads=threads,
         offline_cache=True,
         offline_cache_file_path=str(cache_folder()),
+        cfg_optimization=False,  # LLVM does it again anyway: kernels run no slower, the cloth compiles 10 times faster
         fast_math=False,  # NaN tests must hold, and 1/x must not differ between loops
         debug=debug,
         log_level=ti.ERROR,

@@ -7,6 +7,7 @@ Reals are f64 where the device has it: a substep's fall, g h^2 = 1e-7 m, is 7 un
 0.2 m, and velocities read off positions would be 6 % wrong.
 """
 
+import numpy as np
 import taichi as ti
 
 from sim import runtime
@@ -31,6 +32,7 @@ class Board:
 
     def __init__(self, shape: tuple[int, int]):
         self.real = private_real()
+        self.numpy_real = np.float32 if self.real == ti.f32 else np.float64
         self.ni, self.nj = shape
         self.pitch = LANES * (self.nj // LANES + 1)
         self.turned_pitch = LANES * (self.ni // LANES + 1)
@@ -41,6 +43,12 @@ class Board:
         self.start = [ti.field(self.real, self.half) for _ in range(3)]
         self.v = [ti.field(self.real, self.half) for _ in range(3)]
         self.lanes = ti.types.vector(LANES, self.real)
+
+    def laid_out(self, values: np.ndarray) -> np.ndarray:
+        """Values a node -> as a field of this board holds them, 0 elsewhere."""
+        rows = np.zeros((self.ni, self.pitch), self.numpy_real)
+        rows[:, : self.nj] = values.reshape(self.ni, self.nj)
+        return np.concatenate([rows.ravel(), np.zeros(LANES, rows.dtype)])
 
     @ti.func
     def place(self, node):
@@ -64,6 +72,18 @@ class Board:
         first = at & REACH
         for k in ti.static(range(LANES)):
             field[first + k] = values[k]
+
+    @ti.func
+    def get_three(self, three: ti.template(), at):
+        """x, y and z of LANES neighbours."""
+        return self.get(three[0], at), self.get(three[1], at), self.get(three[2], at)
+
+    @ti.func
+    def put_three(self, three: ti.template(), at, x, y, z):
+        """The reverse of `get_three`."""
+        self.put(three[0], at, x)
+        self.put(three[1], at, y)
+        self.put(three[2], at, z)
 
     @ti.func
     def vector(self, three: ti.template(), at):

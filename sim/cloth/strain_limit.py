@@ -7,13 +7,13 @@ node a sweep (Kim, Chentanez & Mueller 2012).
 import numpy as np
 import taichi as ti
 
-from sim.cloth.board import Board
+from sim.cloth.board import LANES, Board
 from sim.scene.cloth import Sheet
 
 
 @ti.data_oriented
 class Tethers:
-    """One a free node, to the held node nearest on the flat sheet. None without clips or without a limit."""
+    """One a node, to the held node nearest on the flat sheet. None without clips or without a limit."""
 
     def __init__(self, sheet: Sheet, board: Board, strain_limit: float | None):
         self.board = board
@@ -21,18 +21,31 @@ class Tethers:
         if self.present:
             self.count = len(sheet.x)
             self.pin = ti.field(ti.i32, self.count)
-            self.longest_sq = ti.field(float, self.count)
             self.pin.from_numpy(sheet.pin_nearest.astype(np.int32))
-            self.longest_sq.from_numpy((((1.0 + strain_limit) * sheet.pin_distance) ** 2).astype(np.float32))
+            self.held = [ti.field(board.real, board.half) for _ in range(3)]
+            self.longest = ti.field(board.real, board.half)
+            self.longest.from_numpy(board.laid_out((1.0 + strain_limit) * sheet.pin_distance))
+
+    @ti.func
+    def begin(self):
+        """Where the clips hold, for this step; after the board has been loaded."""
+        if ti.static(self.present):
+            for node in range(self.count):
+                pin = self.board.vector(self.board.x, self.board.place(self.pin[node]))
+                self.board.set_vector(self.held, self.board.place(node), pin)
 
     @ti.func
     def project(self):
-        """Bring every node within its tether's reach."""
+        """Bring every node within its tether's reach, LANES at once."""
         if ti.static(self.present):
-            for node in range(self.count):
-                at = self.board.place(node)
-                held = self.board.vector(self.board.x, self.board.place(self.pin[node]))
-                d = self.board.vector(self.board.x, at) - held
-                length_sq = d.dot(d)
-                if length_sq > self.longest_sq[node] and self.board.w[at] > 0.0:
-                    self.board.set_vector(self.board.x, at, held + d * ti.sqrt(self.longest_sq[node] / length_sq))
+            for block in range(self.board.half // LANES):
+                self._shorten(block * LANES)
+
+    @ti.func
+    def _shorten(self, at):
+        hx, hy, hz = self.board.get_three(self.held, at)
+        x, y, z = self.board.get_three(self.board.x, at)
+        dx, dy, dz = x - hx, y - hy, z - hz
+        length = ti.sqrt(dx * dx + dy * dy + dz * dz)
+        over = 1.0 - ti.min(1.0, self.board.get(self.longest, at) / ti.max(length, 1e-12))
+        self.board.put_three(self.board.x, at, x - over * dx, y - over * dy, z - over * dz)

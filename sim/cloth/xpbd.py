@@ -15,6 +15,13 @@ from sim.model import Model, quantity
 from sim.registry import register
 from sim.stage import Build, Stage
 
+SETTLE_STEP = 0.02
+"""[s] Between two looks at whether the sheet is at rest; less costs kernel calls."""
+SETTLE_DRAG = 20.0
+"""[1/s] Near critical for the slowest swing of a sheet sagging 5 cm, sqrt(g/sag) = 14 1/s: more creeps, less swings."""
+SETTLED_SPEED = 1e-4
+"""[m/s] rms of a sheet at rest; a pixel of a 20 cm picture is passed in 2 s."""
+
 
 @register("cloth.solver", "xpbd")
 @ti.data_oriented
@@ -70,6 +77,15 @@ class Xpbd:
         count = max(1, math.ceil(dt / self.params.substep_max - 1e-9))
         kept, left = math.exp(-damping * dt), math.exp(-drag * dt)
         self._advance(count, dt / count, tm.vec3(self.gravity), kept, left)
+
+    def settle(self, seconds: float) -> None:
+        """Hang for `seconds` under strong drag, water or not, or until at rest; end with every velocity 0."""
+        rest = 0.5 * float(self.sheet.mass.sum()) * SETTLED_SPEED**2
+        for _ in range(max(1, round(seconds / SETTLE_STEP))):
+            self.advance(SETTLE_STEP, self.params.damping, SETTLE_DRAG)
+            if self.kinetic_energy() < rest:
+                break
+        self.v.fill(0.0)
 
     def max_strain(self) -> float:
         """max over structural and shear springs of length/rest - 1."""
@@ -143,6 +159,7 @@ class Xpbd:
             self.board.w[self.board.turned_place(node)] = self.inv_mass[node]
             self.board.set_vector(self.board.v, at, self.v[node] * (self.inv_mass[node] > 0.0))
             low, high = ti.min(low, self.x[node]), ti.max(high, self.x[node])
+        self.tethers.begin()
         reach = 2.0 * dt * (largest_speed(self.board) + dt * gravity.norm()) + self.sheet.spacing
         self.contact.mark(low - reach, high + reach)
 

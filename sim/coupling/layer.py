@@ -36,15 +36,14 @@ class Layer:
         self.dx = config.fluid.spacing
         self.friction, self.restitution = config.coupling.friction, config.coupling.restitution
         self.real = private_real()
-        vec3 = ti.types.vector(3, self.real)
         capacity = state.sizes["fluid"]
         self.count, self.touched = ti.field(ti.i32, shape=()), ti.field(ti.i32, shape=())
         self.elapsed = ti.field(self.real, shape=())
-        self.row = ti.field(ti.i32, shape=capacity)
-        self.point = ti.types.struct(
-            x=vec3, start=vec3, v=vec3, a=vec3, w=self.real, gap=self.real, push=self.real, side=self.real,
-            triangle=ti.i32,
-        ).field(shape=capacity)  # fmt: skip
+        self.row, self.at = ti.field(ti.i32, shape=capacity), ti.field(ti.i32, shape=capacity)
+        self.weight, self.face, self.gap, self.push = (ti.field(self.real, shape=capacity) for _ in range(4))
+        self.place, self.start, self.speed, self.pull, self.normal, self.share = (
+            ti.Vector.field(3, self.real, shape=capacity) for _ in range(6)
+        )
 
     @property
     def cloth(self):
@@ -66,13 +65,11 @@ class Layer:
                 _, height, _w = plane_gap(self.x[i], *self.sheet.points(self.triangle[i]))
                 gap = side * height
                 if gap < REACH * self.dx:
-                    self.row[found] = i
-                    p = self.point[found]
-                    p.x, p.w = ti.cast(self.x[i], self.real), 1.0 / self.mass[i]
-                    p.v = ti.cast(self.v[i] - dt * self.acceleration[i], self.real)
-                    p.a = ti.cast(self.acceleration[i] + self.pressure_acceleration[i], self.real)
-                    p.gap, p.push, p.side, p.triangle = gap, 0.0, side, self.triangle[i]
-                    self.point[found] = p
+                    self.row[found], self.at[found] = i, self.triangle[i]
+                    self.weight[found], self.face[found], self.gap[found] = 1.0 / self.mass[i], side, gap
+                    self.place[found] = ti.cast(self.x[i], self.real)
+                    self.speed[found] = ti.cast(self.v[i] - dt * self.acceleration[i], self.real)
+                    self.pull[found] = ti.cast(self.acceleration[i] + self.pressure_acceleration[i], self.real)
                     found += 1
         self.count[None] = found
 
@@ -81,105 +78,100 @@ class Layer:
         """Put it back so that `x += dt v` of the mover ends where the substeps ended, pressure's change added."""
         for s in range(self.count[None]):
             i = self.row[s]
-            self.x[i] = ti.cast(self.point[s].x - dt * self.point[s].v, float)
-            self.v[i] = ti.cast(self.point[s].v, float) - dt * self.pressure_acceleration[i]
-            self.triangle[i] = self.point[s].triangle
+            self.x[i] = ti.cast(self.place[s] - dt * self.speed[s], float)
+            self.v[i] = ti.cast(self.speed[s], float) - dt * self.pressure_acceleration[i]
+            self.triangle[i] = self.at[s]
 
     @ti.func
     def predict(self, h):
         """Gravity, terms and last step's pressure; then the free move."""
         self.elapsed[None] += h
         for s in range(self.count[None]):
-            self.point[s].v += h * self.point[s].a
-            self.point[s].start = self.point[s].x
-            self.point[s].x += h * self.point[s].v
+            v = self.speed[s] + h * self.pull[s]
+            self.speed[s] = v
+            self.start[s] = self.place[s]
+            self.place[s] += h * v
 
     @ti.func
     def project(self, h):
         """One sweep over all contacts."""
         for s in range(self.count[None]):
-            p = self.point[s]
-            rest = ti.min(OFFSET * self.dx, p.gap + PUSH_OUT * self.elapsed[None])
-            t, n, gap, b, over = self._walk(p.x, p.triangle, p.side)
-            p.triangle, p.push = t, 0.0
-            if gap < rest and over:
-                corner = self.sheet.corner[t]
-                w = p.w
-                for k in ti.static(range(3)):
-                    w += b[k] * b[k] * self.cloth.weight(corner[k])
-                p.push = (rest - gap) / w
-                p.x += p.w * p.push * n
-                for k in ti.static(range(3)):
-                    self.cloth.shift(corner[k], -self.cloth.weight(corner[k]) * b[k] * p.push * n)
-                    impulse = ti.cast(b[k] * p.push / h, float)
-                    if p.side > 0.0:
-                        self.push_front[corner[k]] += impulse
-                    else:
-                        self.push_back[corner[k]] += impulse
+            self._find_plane(s)
+            rest = ti.min(OFFSET * self.dx, self.gap[s] + PUSH_OUT * self.elapsed[None])
+            missing = rest - self.push[s]
+            self.push[s] = 0.0
+            if missing > 0.0:
+                corner, b, n = self.sheet.corner[self.at[s]], self.share[s], self.normal[s]
+                push = missing / self._effective(s)
+                self.push[s] = push
+                self.place[s] += self.weight[s] * push * n
+                for k in range(3):
+                    self.cloth.shift(corner[k], -self.cloth.weight(corner[k]) * b[k] * push * n)
+                    impulse = ti.cast(b[k] * push / h, float)
+                    self.push_front[corner[k]] += impulse * (self.face[s] > 0.0)
+                    self.push_back[corner[k]] += impulse * (self.face[s] < 0.0)
                 self.touched[None] = 1
-            self.point[s] = p
 
     @ti.func
     def finish(self, h):
-        """Velocities; friction and restitution of those in contact."""
+        """Velocities; Coulomb friction and restitution of those in contact, opposite impulse to the sheet."""
         for s in range(self.count[None]):
-            p = self.point[s]
-            v_free = p.v
-            p.v = (p.x - p.start) / h
-            if p.push > 0.0:
-                p.v += self._rub(p, v_free, h)
-            self.point[s] = p
+            v_free = self.speed[s]
+            v = (self.place[s] - self.start[s]) / h
+            if self.push[s] > 0.0:
+                corner, b, n = self.sheet.corner[self.at[s]], self.share[s], self.normal[s]
+                v_sheet = ti.Vector([0.0, 0.0, 0.0], self.real)
+                for k in range(3):
+                    v_sheet += b[k] * self.cloth.velocity(corner[k])
+                impulse = self._rub(v - v_sheet, (v_free - v_sheet).dot(n), n, self.push[s] / h, self._effective(s))
+                for k in range(3):
+                    self.cloth.push(corner[k], -self.cloth.weight(corner[k]) * b[k] * impulse)
+                v += self.weight[s] * impulse
+            self.speed[s] = v
 
     @ti.func
-    def _plane(self, x, t, side):
-        """(normal towards `side`, gap, weights) over triangle t as it stands in this substep."""
-        c = self.sheet.corner[t]
-        n, height, w = plane_gap(x, self.cloth.position(c[0]), self.cloth.position(c[1]), self.cloth.position(c[2]))
-        return side * n, side * height, w
-
-    @ti.func
-    def _walk(self, x, t, side):
-        """Follow the projection of x over at most two edges: (triangle, normal, gap, weights, over the sheet?)."""
-        now = t
-        n, gap, w = self._plane(x, now, side)
-        over = True
-        for _ in range(2):
-            if w.min() < 0.0 and over:
+    def _find_plane(self, s):
+        """Follow the projection over at most two edges; leaves at, normal, share, and in push the gap (far: 1 m)."""
+        x, side = self.place[s], self.face[s]
+        edges, done = 0, False
+        while not done:
+            c = self.sheet.corner[self.at[s]]
+            n, height, w = plane_gap(x, self.cloth.position(c[0]), self.cloth.position(c[1]), self.cloth.position(c[2]))
+            self.push[s] = side * height
+            done = True
+            if w.min() < 0.0 and edges < 2:
                 k = 0
                 if w[1] < w[0]:
                     k = 1
-                if w[2] < w[k]:
+                if w[2] < ti.min(w[0], w[1]):
                     k = 2
-                if self.sheet.beside[now][k] < 0:
-                    over = False
+                beside = self.sheet.beside[self.at[s]][k]
+                edges += 1
+                if beside < 0:
+                    self.push[s] = 1.0
                 else:
-                    now = self.sheet.beside[now][k]
-                    n, gap, w = self._plane(x, now, side)
-        w = ti.max(w, 0.0)
-        return now, n, gap, w / w.sum(), over
+                    self.at[s] = beside
+                    done = False
+            self.normal[s] = side * n
+            w = ti.max(w, 0.0)
+            self.share[s] = w / w.sum()
 
     @ti.func
-    def _rub(self, p, v_free, h):
-        """Change of the point's velocity by Coulomb friction and restitution; the sheet gets the opposite impulse."""
-        corner = self.sheet.corner[p.triangle]
-        n, _gap, b = self._plane(p.x, p.triangle, p.side)
-        b = ti.max(b, 0.0)
-        b /= b.sum()
-        w = p.w
-        v_sheet = ti.Vector([0.0, 0.0, 0.0], self.real)
-        for k in ti.static(range(3)):
-            w += b[k] * b[k] * self.cloth.weight(corner[k])
-            v_sheet += b[k] * self.cloth.velocity(corner[k])
-        r = p.v - v_sheet
+    def _effective(self, s):
+        """Inverse mass that the contact feels: w + sum b_k^2 w_k [1/kg]."""
+        w = self.weight[s]
+        for k in range(3):
+            b = self.share[s][k]
+            w += b * b * self.cloth.weight(self.sheet.corner[self.at[s]][k])
+        return w
+
+    @ti.func
+    def _rub(self, r, arriving, n, pressed, w):
+        """Impulse against the sliding of r, at most friction * pressed [N s]; and what restitution adds along n."""
         tangent = r - r.dot(n) * n
-        speed = tangent.norm()
-        impulse = ti.Vector([0.0, 0.0, 0.0], self.real)
-        if speed > 0.0:
-            impulse = -ti.min(speed / w, self.friction * p.push / h) / speed * tangent
+        speed = ti.max(tangent.norm(), 1e-12)
+        impulse = -ti.min(speed / w, self.friction * pressed) / speed * tangent
         if ti.static(self.restitution > 0.0):
-            arriving = (v_free - v_sheet).dot(n)
             if arriving < -4.0 * PUSH_OUT:
                 impulse += ti.max(-self.restitution * arriving - r.dot(n), 0.0) / w * n
-        for k in ti.static(range(3)):
-            self.cloth.push(corner[k], -self.cloth.weight(corner[k]) * b[k] * impulse)
-        return p.w * impulse
+        return impulse

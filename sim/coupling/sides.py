@@ -75,7 +75,7 @@ class Sides:
         return side
 
     @ti.kernel
-    def _cut(self, neighbour: ti.types.ndarray(), weight: ti.types.ndarray(), gradient: ti.types.ndarray()):
+    def _cut(self, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
         for i in range(self.count[None]):
             if self.triangle[i] >= 0:
                 for k in range(self.pairs.start[i], self.pairs.stop[i]):

@@ -3,7 +3,6 @@
 import taichi as ti
 
 from sim.fluid.motion import Motion
-from sim.fluid.pairs import PAIR
 from sim.fluid.projection import Projection
 from sim.registry import register
 from sim.schema import Model, option, quantity
@@ -36,6 +35,7 @@ class Dfsph:
         Row("fluid.dfsph.diagonal", "f", "kg^2/m^8", "how much own kappa changes D rho/Dt", saved=False),
         Row("fluid.dfsph.wall_gradient", "v", "kg/m^4", "rho0 grad lambda", saved=False),
         Row("fluid.dfsph.friction", "f", "1", "of the nearest wall", saved=False),
+        Row("fluid.dfsph.guess", "f", "m^5/(kg s^2)", "kappa ahead of its iteration", saved=False),
         Row("fluid.dfsph.velocity", "v", "m/s", "v + dt a of the solve under way", saved=False),
     )
 
@@ -43,7 +43,7 @@ class Dfsph:
         self.params = params
         self.state, self.pairs, self.walls = build.state, build.parts["pairs"], build.parts["walls"]
         self.x, self.v, self.mass, self.density, _, self.pressure_acceleration = (build.state[n] for n in self.rows)
-        self.kappa, self.kappa_divergence, self.diagonal, self.wall_gradient, self.friction, self.u = (
+        self.kappa, self.kappa_divergence, self.diagonal, self.wall_gradient, self.friction, self.guess, self.u = (
             build.state[row.name] for row in self.scratch
         )
         self.support = build.config.fluid.support
@@ -87,7 +87,7 @@ class Dfsph:
         return self.density[i] ** 2 * (self.kappa[i] + self.kappa_divergence[i])
 
     @ti.kernel
-    def _measure(self, neighbour: PAIR, weight: ti.types.ndarray(), gradient: ti.types.ndarray()):
+    def _measure(self, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
         for i in range(self.state.count[None]):
             m = self.mass[i]
             rho, spread = self.pairs.self_weight * m, 0.0

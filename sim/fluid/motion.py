@@ -45,7 +45,7 @@ class Motion:
         return Limit(self.reach / max(self._fastest(), 1e-12), "water speed")
 
     @ti.kernel
-    def _accelerate(self, dt: float, neighbour: ti.types.ndarray(), gradient: ti.types.ndarray()):
+    def _accelerate(self, dt: float, neighbour: ti.template(), gradient: ti.template()):
         for i in range(self.state.count[None]):
             a = self.gravity
             if ti.static(len(self.terms) > 0):

@@ -6,8 +6,6 @@ from sim.errors import CapacityError
 from sim.maths.kernels import KERNELS, lattice_shares
 from sim.stage import Build, Stage
 
-PAIR = ti.types.ndarray(dtype=ti.i32, ndim=1)
-
 
 @ti.data_oriented
 class Pairs:
@@ -17,11 +15,11 @@ class Pairs:
         gradient[k]  m_j grad_i W_ij [kg/m^4]   a vector; m_i gradient_ij = -m_j gradient_ji up to rounding
 
     Every sweep of the step reads these and never positions, so zeroing both of a pair (and of its mirror) takes it out.
-    start, stop are fields. neighbour, weight, gradient are ndarrays that grow: pass them as kernel arguments, fetched
-    from here at each call; gradient is flat, three reals a pair:
+    All are fields. neighbour, weight, gradient are replaced by longer ones when a list does not fit: pass them to
+    kernels as arguments, fetched from here at each call.
 
         @ti.kernel
-        def cut(self, neighbour: ti.types.ndarray(), weight: ti.types.ndarray(), gradient: ti.types.ndarray()):
+        def cut(self, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
             for i in range(count[None]):
                 for k in range(pairs.start[i], pairs.stop[i]):
                     if cut_between(i, neighbour[k]):
@@ -58,14 +56,14 @@ class Pairs:
         length = self.neighbour.shape[0]
         if self.weight is None or self.weight.shape[0] != length:
             try:
-                self.weight = ti.ndarray(float, length)
-                self.gradient = ti.Vector.ndarray(3, float, length)
+                self.weight = ti.field(float, shape=length)
+                self.gradient = ti.Vector.field(3, float, shape=length)
             except RuntimeError as error:
                 raise CapacityError(f"fluid: no memory for {length} pairs; use a larger spacing") from error
         self._weigh(self.neighbour, self.weight, self.gradient)
 
     @ti.kernel
-    def _weigh(self, neighbour: ti.types.ndarray(), weight: ti.types.ndarray(), gradient: ti.types.ndarray()):
+    def _weigh(self, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
         for i in range(self.state.count[None]):
             x = self.x[i]
             for k in range(self.start[i], self.stop[i]):

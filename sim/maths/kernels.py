@@ -23,14 +23,14 @@ class SmoothingKernel(NamedTuple):
 @ti.pyfunc
 def wendland_c2(r, H):
     """W = 21/(2 pi H^3) (1 - q)^4 (1 + 4 q), q = r/H.   Wendland 1995; never pairs (Dehnen & Aly 2012)."""
-    u = max(1.0 - r / H, 0.0)
+    u = max(1.0 - r * (1.0 / H), 0.0)
     return 21.0 / (2.0 * math.pi) / (H * H * H) * (u * u) * (u * u) * (5.0 - 4.0 * u)
 
 
 @ti.pyfunc
 def wendland_c2_slope(r, H):
     """(dW/dr)/r = -20 * 21/(2 pi H^5) (1 - q)^3."""
-    u = max(1.0 - r / H, 0.0)
+    u = max(1.0 - r * (1.0 / H), 0.0)
     return -20.0 * 21.0 / (2.0 * math.pi) / (H * H * H * H * H) * u * u * u
 
 
@@ -47,7 +47,7 @@ def wendland_c2_wall(d, H):
 @ti.pyfunc
 def cubic_spline(r, H):
     """W = 8/(pi H^3) (1 - 6 q^2 + 6 q^3) up to q = 1/2, 16/(pi H^3) (1 - q)^3 beyond.   Monaghan 1992"""
-    q = r / H
+    q = r * (1.0 / H)
     u = max(1.0 - q, 0.0)
     w = 2.0 * u * u * u
     if q < 0.5:
@@ -58,7 +58,7 @@ def cubic_spline(r, H):
 @ti.pyfunc
 def cubic_spline_slope(r, H):
     """(dW/dr)/r = 48/(pi H^5) (3 q - 2) up to q = 1/2, -48/(pi H^5) (1 - q)^2/q beyond."""
-    q = r / H
+    q = r * (1.0 / H)
     u = max(1.0 - q, 0.0)
     w = -u * u / max(q, 0.5)
     if q < 0.5:

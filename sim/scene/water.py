@@ -14,6 +14,7 @@ from sim.scene.solids import Solids
 FEMTO = 10**15
 """Streams keep time in whole femtoseconds, so that what has come by then follows from the time alone."""
 SPARE = 0.05
+SPARE_WETTING = 0.25
 """Share of particles beyond those expected: drops that leave the cloth while others still soak in."""
 
 
@@ -62,7 +63,7 @@ def build_water(config: Any, solids: Solids) -> Water:
     expected = len(x) + sum(s.emitted(config.run.duration) for s in streams)
     capacity = fluid.particles_max
     if capacity == "auto":
-        capacity = int(expected * (1.0 + SPARE)) + 64
+        capacity = int(expected * (1.0 + (SPARE_WETTING if config.wetting else SPARE))) + 64
     if expected > capacity:
         raise CapacityError(f"fluid.particles_max = {capacity}: {expected} particles will come")
     drains = tuple((tuple(d.low), tuple(d.high)) for d in config.drain.values())

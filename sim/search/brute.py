@@ -24,7 +24,7 @@ class BruteSearch:
         self.x = build.state["fluid.x"]
         self.support_radius = build.config.fluid.support_radius
         capacity = build.state.sizes["fluid"]
-        self.list = PairList(capacity, min(capacity, 65536), first_room(build.config.fluid.support))
+        self.list = PairList(capacity, first_room(build.config.fluid.support))
         build.parts["search"] = self
 
     def stages(self) -> tuple[Stage, ...]:
@@ -33,18 +33,14 @@ class BruteSearch:
 
     def build(self) -> None:
         """List the pairs."""
-        self.list.fill(self._fill, self._count())
+        self.list.fill(self._fill)
 
     def refit(self) -> None:
         """There is nothing to keep: builds."""
         self.build()
 
     @ti.kernel
-    def _count(self) -> ti.i32:
-        return self.state.count[None]
-
-    @ti.kernel
-    def _fill(self, neighbour: ti.types.ndarray(dtype=ti.i32, ndim=1), room: ti.i32) -> ti.i32:
+    def _fill(self, neighbour: ti.template(), room: ti.i32) -> ti.i32:
         """List block by block; returns the entries that the fullest block wants."""
         wanted = 0
         count = self.state.count[None]

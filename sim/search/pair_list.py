@@ -19,36 +19,31 @@ class PairList:
     """Candidates of row i: neighbour[k] for start[i] <= k < stop[i].
 
     start, stop   i32 fields (capacity,)
-    neighbour     i32 ndarray; replaced by a longer one when a list does not fit, so fetch it at each use
-    room          entries a row on average that a block has space for
+    neighbour     i32 field; replaced by a longer one when a list does not fit, so fetch it at each use and hand it to
+                  kernels as a ti.template() argument
+    room          entries a row, on average over a block, that there is space for
     """
 
-    def __init__(self, capacity: int, rows: int, room: int):
-        self.capacity = capacity
+    def __init__(self, capacity: int, room: int):
+        self.blocks = -(-max(capacity, 1) // BLOCK)
         self.start = ti.field(ti.i32, shape=max(capacity, 1))
         self.stop = ti.field(ti.i32, shape=max(capacity, 1))
-        self.room = room
-        self.rows = 0
-        self.neighbour = None
-        self.reserve(rows, room)
+        self.reserve(room)
 
-    def reserve(self, rows: int, room: int) -> None:
-        """Make space for `rows` rows of `room` entries. CapacityError where memory or 32-bit indices end."""
-        blocks = -(-max(min(rows, self.capacity), 1) // BLOCK)
-        length = blocks * BLOCK * room
-        if length >= 2**31:
-            raise CapacityError(f"search: {rows} particles with {room} neighbours each; use a larger spacing")
+    def reserve(self, room: int) -> None:
+        """Make space for `room` entries a row. CapacityError where memory or 32-bit indices end."""
+        length = self.blocks * BLOCK * room
         try:
-            self.neighbour = ti.ndarray(ti.i32, length)
+            if length >= 2**31:
+                raise RuntimeError
+            self.neighbour = ti.field(ti.i32, shape=length)
         except RuntimeError as error:
-            raise CapacityError(f"search: no memory for {length} pairs; use a larger spacing") from error
-        self.rows, self.room = blocks * BLOCK, room
+            raise CapacityError(f"search: no room for {length} pairs; use a larger fluid.spacing") from error
+        self.room = room
 
-    def fill(self, kernel, count: int) -> None:
+    def fill(self, kernel) -> None:
         """Run kernel(neighbour, room) -> entries that the fullest block wants, until the list holds them all."""
-        if count > self.rows:
-            self.reserve(max(count, 3 * self.rows // 2), self.room)
         wanted = kernel(self.neighbour, self.room)
         while wanted > self.room * BLOCK:
-            self.reserve(self.rows, wanted * 9 // (8 * BLOCK) + 1)
+            self.reserve(wanted * 9 // (8 * BLOCK) + 1)
             wanted = kernel(self.neighbour, self.room)

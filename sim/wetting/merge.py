@@ -38,7 +38,7 @@ class Merge:
             self._join()
 
     @ti.kernel
-    def _choose(self, neighbour: ti.types.ndarray(), weight: ti.types.ndarray()) -> ti.i32:
+    def _choose(self, neighbour: ti.template(), weight: ti.template()) -> ti.i32:
         found = 0
         for i in range(self.state_count[None]):
             self.target[i] = -1
