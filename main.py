@@ -79,7 +79,7 @@ def run(
             folder = runs.drive(world, config, where, _each(drawn, reach))
         print(f"{folder.label}: {world.frame_count} frames, ledger {folder.ledger}")
         print(f"{folder.label}: {_cost(folder.record())}")
-    if not no_render:
+    if not no_render and not (where.finished and folder.video.exists()):
         _chart(folder)
         _film(folder, config)
         print(f"{folder.label}: film {folder.video}")

@@ -5,7 +5,7 @@ import taichi as ti
 
 from render.raster import POINTS, TRIANGLES
 
-WET_ALBEDO = 0.45  # of the dry albedo at full saturation: light is trapped by total reflection in the water layer
+WET_ALBEDO = 0.38  # of the dry albedo at full saturation: light is trapped by total reflection in the water layer
 THROUGH = 0.22  # of the light on one face that leaves by the other
 FILM_SHINE = 3e-5  # [m] of water hanging below that mirrors fully
 REFINE_LIMIT = 40_000  # nodes; finer sheets are smooth as they are

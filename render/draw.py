@@ -56,7 +56,8 @@ class Renderer:
         self.size = size
         width, height = size
         self.keys = ti.ndarray(ti.i64, (height, width, 4))
-        self.image, self.facets = ti.ndarray(VEC3, (height, width)), ti.ndarray(opaque.VEC4, (height, width))
+        self.image, self.spare = (ti.ndarray(VEC3, (height, width)) for _ in range(2))
+        self.facets = ti.ndarray(opaque.VEC4, (height, width))
         self.water = None
         self.pixels = np.zeros((height, width, 3), np.uint8)
         self.light = Light()
@@ -68,14 +69,13 @@ class Renderer:
         view, glass = look_at(look.eye, look.target), lens(self.size, look.fov)
         to_sun = (-np.asarray(look.light) / np.linalg.norm(look.light)).astype(np.float32)
         first_solid = self._opaque(frame, look, static, view, glass, to_sun)
-        picture = self.image
         if frame.fluid_x is not None and len(frame.fluid_x):
-            picture = self._water(frame, float(static.spacing), view, glass, to_sun, first_solid)
+            self._water(frame, float(static.spacing), view, glass, to_sun, first_solid)
         if self.solids:
             opaque.overlay_walls(
-                view, glass, to_sun, self.keys, self.fronts, first_solid, self.solid_x, self.solid_triangles, picture
+                view, glass, to_sun, self.keys, self.fronts, first_solid, self.solid_x, self.solid_triangles, self.image
             )
-        image.develop(picture, image.CURVE, self.pixels)
+        image.develop(self.image, image.CURVE, self.pixels)
         return self.pixels.copy()
 
     def _meet(self, static: Static) -> None:
@@ -132,15 +132,15 @@ class Renderer:
         arrays = (self.solid_x, self.solid_triangles, first_solid, view, glass)
         raster.rasterise(*arrays, raster.strips(self.solid_triangles), self.fronts, self.backs, True)
 
-    def _water(self, frame: Frame, spacing: float, view, glass, to_sun, first_solid: int):
-        """The picture with water in front."""
+    def _water(self, frame: Frame, spacing: float, view, glass, to_sun, first_solid: int) -> None:
+        """Water into self.image, in front of what is there."""
         if self.water is None:
             self.water = Water(self.size)
         water, light = self.water, self.light
         water.surface(frame, spacing, view, glass, self.facets)
+        self.spare.copy_from(self.image)
         shade_water(
-            view, glass, to_sun, spacing, water.depths, water.reach, water.body, self.keys,
+            view, glass, to_sun, spacing, water.box, water.depths, water.reach, water.body, water.normals, self.keys,
             light.view, light.lens, light.keys, light.nearest, DISC, first_solid,
-            light.low, light.cell, light.seen, self.image, water.image,
+            light.low, light.cell, light.seen, self.spare, self.image,
         )
-        return water.image

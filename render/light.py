@@ -14,6 +14,8 @@ ZENITH = (0.62, 0.80, 1.08)
 HORIZON = (1.70, 1.75, 1.82)
 GROUND = (1.50, 1.49, 1.46)  # sunlit checks from afar
 BOUNCE = (0.72, 0.71, 0.70)  # from a pale ground
+PANES = 8  # windows round the horizon
+WINDOW = (6.0, 6.2, 6.4)  # radiance of a window, over the sky's
 SUN_SPREAD = 0.035  # tangent of half the sun's angle: a hazy day
 MAP = 768  # texels a side
 BLOCK = 24  # texels a side of a block whose nearest depth may settle a shadow without sampling it
@@ -39,9 +41,15 @@ def sky(direction):
 
 @ti.func
 def studio(direction, to_sun):
-    """What water mirrors: the sky, and a broad bright cloud round the sun that gives reflections their shape."""
+    """What water mirrors: the sky, a bright cloud round the sun, and a ring of tall soft windows half-way up, whose
+    straight edges tell the eye how the surface lies."""
     cloud = ti.math.smoothstep(0.80, 0.93, direction.dot(to_sun))
-    return sky(direction) + cloud * ti.Vector([1.5, 1.5, 1.5])
+    up = direction[2]
+    turn = PANES / 6.2831853 * ti.atan2(direction[1], direction[0]) + 0.2
+    across = 0.5 - ti.abs(turn - ti.floor(turn) - 0.5)
+    window = ti.math.smoothstep(0.08, 0.16, across)
+    window *= ti.math.smoothstep(0.12, 0.2, up) * ti.math.smoothstep(0.70, 0.45, up)
+    return sky(direction) + cloud * ti.Vector([1.5, 1.5, 1.5]) + window * ti.Vector(WINDOW)
 
 
 @ti.func

@@ -11,7 +11,8 @@ from render.raster import FAR, KEYS, NEAR, POINTS, TRIANGLES, depth_of, edges, i
 GROUND = 0x7FFFFFFE  # ids: cloth triangles, then solids' triangles, then these
 SKY = 0x7FFFFFFF
 NOTHING = SKY
-CERAMIC = (0.60, 0.64, 0.67)
+CERAMIC = (0.36, 0.41, 0.44)
+FROST = (0.60, 0.64, 0.67)
 LIFT = 0.0007  # [m] off the surface, and as much towards the sun, so that it does not shade itself
 IMAGE = ti.types.ndarray(dtype=VEC3, ndim=2)
 VEC4 = ti.types.vector(4, ti.f32)
@@ -158,6 +159,6 @@ def overlay_walls(
                 normal = solid_normal(index_of(key) - first_solid, solid_x, solid_triangles)
                 d = ray(view, lens, x + 0.5, y + 0.5).normalized(1e-20)
                 veil = 0.13 + 0.6 * (1.0 - ti.abs(d.dot(normal))) ** 4 + 0.22 * ti.max(normal[2], 0.0)
-                frost = lit(ti.Vector(CERAMIC), normal, to_sun, 0.8, 0.9)
+                frost = lit(ti.Vector(FROST), normal, to_sun, 0.8, 0.9)
                 colour += 0.25 * ti.min(veil, 0.9) * (frost - image[y, x])
         image[y, x] = colour

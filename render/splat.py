@@ -1,6 +1,7 @@
 """Particles to screen: nearest water depth, coverage and thickness of each pixel, then one smooth surface.
 
-Sums are integers, so the order in which threads add does not matter.
+Sums are integers, so the order in which threads add does not matter. All work stays within a box of pixels
+(x0, y0, x1, y1) that holds all water with room to spare.
 """
 
 import taichi as ti
@@ -8,14 +9,17 @@ import taichi as ti
 from render.camera import VEC3, VIEW, project, ray, row
 from render.cloth import SCALARS
 from render.opaque import FACETS
-from render.raster import FAR, KEYS, POINTS, depth_of, pack
+from render.raster import EMPTY, FAR, KEYS, POINTS, depth_of, pack
 
 REST_DENSITY = 1000.0  # [kg/m^3]: turns mass into the volume that is drawn
 FIXED = 4096.0  # units of coverage
 DEPTH_UNIT = 1e-7  # [m] of water
-BULK = 0.85  # radius of a particle among others, in spacings: neighbours merge
+BULK = 0.95  # radius of a particle among others, in spacings: neighbours merge
+WIDTH = 1.1  # of the blur of depths among company, in spacings
 OUTLINE = 0.7  # width of the blur of outlines, in that of depths
+FRINGE = 24.0  # spacings before a surface within which a ball shows past the edge of what hides its centre
 COUNTS = ti.types.ndarray(dtype=ti.i32, ndim=1)
+BOX = ti.types.vector(4, ti.i32)
 LAYER = ti.types.ndarray(dtype=ti.i32, ndim=2)
 BODY = ti.types.ndarray(dtype=ti.types.vector(2, ti.f32), ndim=2)
 DEPTHS = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -53,7 +57,7 @@ def crowd(x: POINTS, mass: SCALARS, spacing: ti.f32, counts: COUNTS, company: SC
         for a, b, c in ti.static(ti.ndrange(2, 2, 2)):
             part = share(at - base, a, b, c)
             around += part * (counts[bucket(base + ti.Vector([a, b, c]), mask)] / FIXED - part * mass[i] / unit)
-        company[i] = ti.math.smoothstep(0.15, 1.2, around)
+        company[i] = ti.math.smoothstep(0.1, 0.8, around)
 
 
 @ti.func
@@ -63,6 +67,15 @@ def ball(mass, company, spacing, texel):
     radius = ti.max(lone + company * ti.max(BULK * spacing - lone, 0.0), 0.5 * texel)
     outer = radius + ti.max(0.5 * texel, 0.22 * spacing * company)
     return radius, outer, ti.max(1.5 * lone + 0.9 * spacing * company, 1.2 * texel)
+
+
+@ti.kernel
+def begin(box: BOX, water: KEYS, cover: LAYER, thick: LAYER):
+    """No water anywhere in the box."""
+    for y, x in ti.ndrange((box[1], box[3]), (box[0], box[2])):
+        water[y, x, 0] = ti.i64(EMPTY)
+        cover[y, x] = 0
+        thick[y, x] = 0
 
 
 @ti.kernel
@@ -83,7 +96,7 @@ def splat(
             peak = 3.0 * mass[i] / REST_DENSITY / (3.14159265 * spread * spread) / DEPTH_UNIT
             room = FAR
             if company[i] > 0.5 and hidden(x[i], at, spacing, view, lens, facets):
-                room = 8.0 * spacing
+                room = FRINGE * spacing
             reach = ti.max(outer, spread) / texel
             x0, x1 = ti.max(ti.cast(at[0] - reach, ti.i32), 0), ti.min(ti.cast(at[0] + reach, ti.i32) + 1, width)
             y0, y1 = ti.max(ti.cast(at[1] - reach, ti.i32), 0), ti.min(ti.cast(at[1] + reach, ti.i32) + 1, height)
@@ -132,26 +145,45 @@ def bell(k, sigma):
     return w * w
 
 
-@ti.kernel
-def settle(water: KEYS, company: SCALARS, depths: DEPTHS, reach: DEPTHS, spacing: ti.f32, focal: ti.f32):
-    """Keys to depths [m] (FAR without water) and to the width [pixels] over which each is to be smoothed."""
-    for y, x in ti.ndrange(depths.shape[0], depths.shape[1]):
+@ti.func
+def width_at(water: ti.template(), company: ti.template(), box, y, x, unit):
+    """Width [pixels] over which the water at a pixel is to be smoothed; 0 without water. unit: [m pixels]."""
+    width = 0.0
+    if box[1] <= y < box[3] and box[0] <= x < box[2]:
         key = water[y, x, 0]
-        depth = depth_of(key)
-        depths[y, x] = depth
-        if depth < 1e30:
-            reach[y, x] = ti.min(company[ti.cast(key & 0x7FFFFFFF, ti.i32)] * 1.1 * spacing * focal / depth, 24.0)
+        if depth_of(key) < 1e30:
+            width = ti.min(company[ti.cast(key & 0x7FFFFFFF, ti.i32)] * unit / depth_of(key), 24.0)
+    return width
 
 
 @ti.kernel
-def smooth_depth(source: DEPTHS, target: DEPTHS, reach: DEPTHS, step_x: ti.i32, step_y: ti.i32, band: ti.f32):
+def settle(box: BOX, water: KEYS, company: SCALARS, depths: DEPTHS, reach: DEPTHS, spacing: ti.f32, focal: ti.f32):
+    """Keys to depths [m] (FAR without water) and to the width [pixels] over which each is to be smoothed.
+
+    Empty pixels close to water take its width, so that an outline is smoothed from both of its sides.
+    """
+    unit = WIDTH * spacing * focal
+    for y, x in ti.ndrange((box[1], box[3]), (box[0], box[2])):
+        depths[y, x] = depth_of(water[y, x, 0])
+        width = width_at(water, company, box, y, x, unit)
+        if depths[y, x] > 1e30:
+            for k in range(4):
+                step = 3 if k % 2 == 0 else -3
+                along = ti.Vector([step, 0]) if k < 2 else ti.Vector([0, step])
+                near = width_at(water, company, box, y + along[0], x + along[1], unit)
+                far = width_at(water, company, box, y + 3 * along[0], x + 3 * along[1], unit)
+                width = ti.max(width, near, far)
+        reach[y, x] = width
+
+
+@ti.kernel
+def smooth_depth(box: BOX, source: DEPTHS, target: DEPTHS, reach: DEPTHS, step_x: ti.i32, step_y: ti.i32, band: ti.f32):
     """One sweep of a Gaussian along a row or column, in mirrored pairs.
 
     A pair counts only while its mean lies within `band` [m] of the middle (narrow range: Truong & Yuksel 2018): a
     slope passes however steep it is, a step to other water does not.
     """
-    height, width = source.shape[0], source.shape[1]
-    for y, x in ti.ndrange(height, width):
+    for y, x in ti.ndrange((box[1], box[3]), (box[0], box[2])):
         depth = source[y, x]
         value = depth
         if depth < 1e30:
@@ -159,7 +191,7 @@ def smooth_depth(source: DEPTHS, target: DEPTHS, reach: DEPTHS, step_x: ti.i32, 
             total, weight = depth, 1.0
             for k in range(1, ti.cast(2.5 * sigma, ti.i32) + 1):
                 ya, xa, yb, xb = y - k * step_y, x - k * step_x, y + k * step_y, x + k * step_x
-                if ya < 0 or xa < 0 or yb >= height or xb >= width:
+                if ya < box[1] or xa < box[0] or yb >= box[3] or xb >= box[2]:
                     break
                 mean = 0.5 * (source[ya, xa] + source[yb, xb])
                 if ti.abs(mean - depth) > band:
@@ -172,31 +204,30 @@ def smooth_depth(source: DEPTHS, target: DEPTHS, reach: DEPTHS, step_x: ti.i32, 
 
 
 @ti.func
-def body_at(cover: ti.template(), thick: ti.template(), y, x):
-    """(coverage cut at 1, thickness [m]) of a pixel, clamped to the border."""
-    iy, ix = ti.math.clamp(y, 0, cover.shape[0] - 1), ti.math.clamp(x, 0, cover.shape[1] - 1)
+def body_at(cover: ti.template(), thick: ti.template(), box, y, x):
+    """(coverage cut at 1, thickness [m]) of a pixel, clamped to the box."""
+    iy, ix = ti.math.clamp(y, box[1], box[3] - 1), ti.math.clamp(x, box[0], box[2] - 1)
     return ti.Vector([ti.min(cover[iy, ix] / FIXED, 1.0), thick[iy, ix] * DEPTH_UNIT])
 
 
 @ti.kernel
-def smooth_body(cover: LAYER, thick: LAYER, reach: DEPTHS, spare: BODY, body: BODY):
+def smooth_body(box: BOX, cover: LAYER, thick: LAYER, reach: DEPTHS, spare: BODY, body: BODY):
     """Coverage and thickness blurred along rows, then columns: the outline cover = 1/2 loses its particles' bumps."""
-    height, width = body.shape[0], body.shape[1]
-    for y, x in ti.ndrange(height, width):
-        total, weight = body_at(cover, thick, y, x), 1.0
-        if cover[y, x] > 0:
+    for y, x in ti.ndrange((box[1], box[3]), (box[0], box[2])):
+        total, weight = body_at(cover, thick, box, y, x), 1.0
+        if reach[y, x] > 0.0:
             sigma = OUTLINE * reach[y, x] + 0.05
             for k in range(1, ti.cast(2.5 * sigma, ti.i32) + 1):
                 w = bell(k, sigma)
-                total += w * (body_at(cover, thick, y, x - k) + body_at(cover, thick, y, x + k))
+                total += w * (body_at(cover, thick, box, y, x - k) + body_at(cover, thick, box, y, x + k))
                 weight += 2.0 * w
         spare[y, x] = total / weight
-    for y, x in ti.ndrange(height, width):
+    for y, x in ti.ndrange((box[1], box[3]), (box[0], box[2])):
         total, weight = spare[y, x], 1.0
-        if cover[y, x] > 0:
+        if reach[y, x] > 0.0:
             sigma = OUTLINE * reach[y, x] + 0.05
             for k in range(1, ti.cast(2.5 * sigma, ti.i32) + 1):
                 w = bell(k, sigma)
-                total += w * (spare[ti.max(y - k, 0), x] + spare[ti.min(y + k, height - 1), x])
+                total += w * (spare[ti.max(y - k, box[1]), x] + spare[ti.min(y + k, box[3] - 1), x])
                 weight += 2.0 * w
         body[y, x] = total / weight

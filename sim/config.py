@@ -149,7 +149,10 @@ def differences(one: Config, other: Config, ignore: tuple[str, ...] = ()) -> lis
     """Dotted keys, with both values, in which two configs differ."""
     left, right = (_flat(c.model_dump(exclude={"warnings"})) for c in (one, other))
     keys = [k for k in {**left, **right} if left.get(k) != right.get(k) and k not in ignore]
-    return [f"{k} = {toml.literal(left.get(k))} there, {toml.literal(right.get(k))} here" for k in keys]
+    there, here = (
+        {k: toml.literal(side[k]) if side.get(k) is not None else "absent" for k in keys} for side in (left, right)
+    )
+    return [f"{k} = {there[k]} there, {here[k]} here" for k in keys]
 
 
 def _flat(table: dict, key: str = "") -> dict[str, Any]:

@@ -160,7 +160,6 @@ class Fabric(Model):
     capillary_form: Literal["tube", "bed_across", "bed_along"] = option("tube", why="the laws differ threefold")
     capillary_pressure: float | None = quantity(None, "pressure", why="absent = by the form, from the liquid")
     break_through: float | None = quantity(None, "pressure", ge=0, why="absent = by contact angle and pore")
-    wet_stiffness: float = quantity(1.0, gt=0, le=2, why="stretch when soaked over stretch when dry")
 
     def capillary(self, surface_tension: float) -> float:
         """Suction of the dry cloth by its form [Pa]; surface_tension gamma [N/m].
@@ -296,7 +295,6 @@ class Coupling(Model):
     search: str = option("grid", why="linear in the particles")
     restitution: float = quantity(0.0, ge=0, le=1, why="water does not bounce")
     friction: float = quantity(0.3, ge=0, why="a real film is thinner than a particle")
-    wall_density: bool = option(False, why="cloth counts in the water's density; dearer and rougher")
     params: Any = derived()
 
 

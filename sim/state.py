@@ -37,7 +37,7 @@ ROWS = {
         Row("fluid.density", "f", "kg/m^3", "density of the last sweep", saved=False),
         Row("fluid.acceleration", "v", "m/s^2", "of gravity and terms, without pressure", saved=False),
         Row("fluid.pressure_acceleration", "v", "m/s^2", "of the last density solve (Pa gradient over density)"),
-        Row("fluid.triangle", "i", "1", "nearest triangle of the cloth within reach, else -1", saved=False),
+        Row("fluid.triangle", "i", "1", "nearest triangle of the cloth within reach, else -1"),
         Row("fluid.side", "i", "1", "+1 in front of it, -1 behind, 0 beyond a hem or out of reach", saved=False),
         Row("cloth.x", "v", "m", "position"),
         Row("cloth.v", "v", "m/s", "velocity"),

@@ -166,3 +166,13 @@ def test_a_small_run_from_the_command_line(tmp_path):
 
     header = next(imageio_ffmpeg.read_frames(str(film)))
     assert header["size"] == (34, 56)
+
+
+def test_the_window_is_driven_unseen(tmp_path):
+    (tmp_path / "x.toml").write_text(GOOD + "[render]\nsize = [64, 48]\n")
+    told = command("view", str(tmp_path / "x.toml"), "--capture", str(tmp_path / "seen"), "--frames", "2")
+    assert told.returncode == 0, told.stderr
+    assert sorted(p.name for p in (tmp_path / "seen").iterdir()) == ["000000.png", "000001.png"]
+    from imageio.v3 import imread
+
+    assert imread(tmp_path / "seen" / "000001.png").shape == (48, 64, 3)

@@ -179,7 +179,7 @@ def test_sections_that_need_each_other():
 
 def test_nozzle_is_measured_in_spacings():
     scene = load("seep")
-    assert scene.emitter["spout"].diameter == pytest.approx(9.77e-3, rel=1e-3)
+    assert scene.emitter["spout"].diameter == pytest.approx(12.36e-3, rel=1e-3)
     assert scene.emitter["spout"].diameter > fit.NOZZLE_SPACINGS * scene.fluid.spacing
 
 

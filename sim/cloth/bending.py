@@ -6,7 +6,7 @@ from sim.registry import register
 
 @register("cloth.bending", "flexion")
 class Flexion:
-    """Springs [i,j]-[i+2,j], [i,j]-[i,j+2]; energy ~ curvature^4, so folds are held and gentle bends free.   Provot 1995"""
+    """Springs [i,j]-[i+2,j], [i,j]-[i,j+2]; energy ~ curvature^4: folds hold, gentle bends are free.   Provot 1995"""
 
     class Params(Model):
         """None: their stiffness follows from the fabric's bending stiffness and the mesh."""

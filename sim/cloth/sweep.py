@@ -13,6 +13,11 @@ from sim.cloth.board import LANES, Board
 from sim.maths.springs import limited_scale, spring_scale
 from sim.scene.cloth import Family
 
+CLEARING = 20
+"""Sweeps at a step's end, at most, that only shorten springs beyond the limit. One that finds none is the last."""
+ALLOWANCE = 0.002
+"""Strain over the limit that is let be: less costs more sweeps."""
+
 
 @ti.data_oriented
 class Sweep:
@@ -24,6 +29,7 @@ class Sweep:
         self.count = len(families)
         self.stride = max(board.pitch, board.turned_pitch)
         self.rest = ti.field(board.real, self.count)
+        self.excess = ti.field(board.real, ())
         self.first, self.second, self.rows, self.blocks = (ti.field(ti.i32, self.count) for _ in range(4))
         self.row, self.column = (ti.field(board.real, self.count * self.stride) for _ in range(2))
         tables = np.zeros((2, self.count, self.stride), board.numpy_real)
@@ -44,8 +50,12 @@ class Sweep:
         table[0, : len(row)], table[1, : len(column)] = row, column
 
     @ti.func
-    def run(self, h):
-        """Correct board.x for one substep of h seconds."""
+    def run(self, h, elastic):
+        """Correct board.x for one substep of h seconds.
+
+        elastic: 1.0, or 0.0 for the strain limit alone, done at a step's end until `wanted` says no. Velocities stay as
+        they are then; weighted by inverse mass, it moves no centre of mass.
+        """
         for n in range(self.count):
             if n == self.along:
                 self.board.turn(False)
@@ -55,12 +65,21 @@ class Sweep:
                 i = 2 * turn if turn < even else 2 * (turn - even) + 1
                 stiffness = self.row[n * self.stride + i] * h * h
                 for block in range(self.blocks[n]):
-                    self._correct(n, i * pitch, block * LANES, stiffness)
+                    self._correct(n, i * pitch, block * LANES, stiffness, elastic)
         if self.along < self.count:
             self.board.turn(True)
 
     @ti.func
-    def _correct(self, n, row_start, column, stiffness):
+    def wanted(self, clearing):
+        """Whether to go on shortening, before sweep number `clearing` (from 0) of a step's end; resets the excess."""
+        again = False
+        if ti.static(self.limited):
+            again = clearing == 0 or self.excess[None] > ALLOWANCE
+            self.excess[None] = 0.0
+        return again
+
+    @ti.func
+    def _correct(self, n, row_start, column, stiffness, elastic):
         """LANES springs of family n, of which no two share a node."""
         p, q = self.first[n] + row_start + column, self.second[n] + row_start + column
         ax, ay, az = self.board.get_three(self.board.x, p)
@@ -69,9 +88,15 @@ class Sweep:
         k = stiffness * self.board.get(self.column, n * self.stride + column)
         dx, dy, dz = bx - ax, by - ay, bz - az
         length, rest = ti.sqrt(dx * dx + dy * dy + dz * dz), self.rest[n]
-        s = spring_scale(length, rest, k, wa + wb)
+        s = wa
         if ti.static(self.limited):
-            s = limited_scale(s, length, rest * (1.0 + self.strain_limit), k, wa + wb)
+            s = limited_scale(length, rest, rest * (1.0 + self.strain_limit), k, wa + wb, elastic)
+        else:
+            s = spring_scale(length, rest, k, wa + wb)
         sa, sb = s * wa, s * wb
         self.board.put_three(self.board.x, p, ax + sa * dx, ay + sa * dy, az + sa * dz)
         self.board.put_three(self.board.x, q, bx - sb * dx, by - sb * dy, bz - sb * dz)
+        if ti.static(self.limited):
+            if elastic == 0.0:  # last: a branch amid the vectors would break them up
+                over = ti.min(length / rest - 1.0 - self.strain_limit, 1e30 * k * (wa + wb))
+                self.excess[None] = ti.max(self.excess[None], over.max())

@@ -5,6 +5,8 @@ sequential sweep a substep (Macklin 2019). That alone carries 130:1 of water on 
 water's pressure in a step of its own diverges at every dt (added mass, Guendelman 2005).
 """
 
+import math
+
 import taichi as ti
 
 from sim.cloth.board import private_real
@@ -14,6 +16,10 @@ OFFSET = 0.4
 """[dx] Rest gap of a particle over the sheet; less lets the last step act, more floats the water."""
 PUSH_OUT = 0.1
 """[m/s] How fast a particle that starts nearer than that is moved out: at once would be a 9 m/s kick."""
+TOUCH = 0.65
+"""[dx] A particle nearer than this touches: it wets the sheet and feels its friction."""
+THINNEST = 5e-4
+"""[m] Film of a spreading jet; no puddle is taken as thinner, however well the cloth is wetted."""
 REACH = 1.1
 """[dx] Particles nearer than this at the start of a step belong to the layer."""
 
@@ -34,11 +40,15 @@ class Layer:
         self.triangle, self.side = state["fluid.triangle"], state["fluid.side"]
         self.push_front, self.push_back = state["cloth.push_front"], state["cloth.push_back"]
         self.dx = config.fluid.spacing
-        self.friction, self.restitution = config.coupling.friction, config.coupling.restitution
+        self.restitution = config.coupling.restitution
+        film = film_height(config, self.dx)
+        self.viscous_rate = 3.0 * config.fluid.liquid.nu / film**2
+        self.rough_rate = 0.5 * config.coupling.friction / film
         self.real = private_real()
         capacity = state.sizes["fluid"]
         self.count, self.touched = ti.field(ti.i32, shape=()), ti.field(ti.i32, shape=())
         self.elapsed = ti.field(self.real, shape=())
+        self.rubs = ti.field(ti.i32, shape=capacity)
         self.row, self.at = ti.field(ti.i32, shape=capacity), ti.field(ti.i32, shape=capacity)
         self.weight, self.face, self.gap, self.push = (ti.field(self.real, shape=capacity) for _ in range(4))
         self.place, self.start, self.speed, self.pull, self.normal, self.share = (
@@ -99,6 +109,7 @@ class Layer:
             self._find_plane(s)
             rest = ti.min(OFFSET * self.dx, self.gap[s] + PUSH_OUT * self.elapsed[None])
             missing = rest - self.push[s]
+            self.rubs[s] = self.push[s] < TOUCH * self.dx
             self.push[s] = 0.0
             if missing > 0.0:
                 corner, b, n = self.sheet.corner[self.at[s]], self.share[s], self.normal[s]
@@ -118,12 +129,14 @@ class Layer:
         for s in range(self.count[None]):
             v_free = self.speed[s]
             v = (self.place[s] - self.start[s]) / h
-            if self.push[s] > 0.0:
+            if self.rubs[s]:
                 corner, b, n = self.sheet.corner[self.at[s]], self.share[s], self.normal[s]
                 v_sheet = ti.Vector([0.0, 0.0, 0.0], self.real)
                 for k in range(3):
                     v_sheet += b[k] * self.cloth.velocity(corner[k])
-                impulse = self._rub(v - v_sheet, (v_free - v_sheet).dot(n), n, self.push[s] / h, self._effective(s))
+                impulse = self._rub(v - v_sheet, n, h, self.weight[s], self._effective(s))
+                if ti.static(self.restitution > 0.0):
+                    impulse += self._bounce(v - v_sheet, (v_free - v_sheet).dot(n), n, self._effective(s)) * (self.push[s] > 0.0)
                 for k in range(3):
                     self.cloth.push(corner[k], -self.cloth.weight(corner[k]) * b[k] * impulse)
                 v += self.weight[s] * impulse
@@ -166,12 +179,28 @@ class Layer:
         return w
 
     @ti.func
-    def _rub(self, r, arriving, n, pressed, w):
-        """Impulse against the sliding of r, at most friction * pressed [N s]; and what restitution adds along n."""
+    def _rub(self, r, n, h, w_point, w):
+        """Drag of the film on the sheet, implicit: dr/dt = -(3 nu/d^2 + friction |r|/(2 d)) r along the surface [N s]."""
         tangent = r - r.dot(n) * n
-        speed = ti.max(tangent.norm(), 1e-12)
-        impulse = -ti.min(speed / w, self.friction * pressed) / speed * tangent
-        if ti.static(self.restitution > 0.0):
-            if arriving < -4.0 * PUSH_OUT:
-                impulse += ti.max(-self.restitution * arriving - r.dot(n), 0.0) / w * n
+        rate = self.viscous_rate + self.rough_rate * tangent.norm()
+        k = h * rate * w / w_point
+        return -k / (1.0 + k) / w * tangent
+
+    @ti.func
+    def _bounce(self, r, arriving, n, w):
+        """What restitution adds along the normal to a contact that arrived faster than PUSH_OUT repairs make [N s]."""
+        impulse = ti.Vector([0.0, 0.0, 0.0], self.real)
+        if arriving < -4.0 * PUSH_OUT:
+            impulse = ti.max(-self.restitution * arriving - r.dot(n), 0.0) / w * n
         return impulse
+
+
+def film_height(config, dx: float) -> float:
+    """Height of the puddle that a touching particle stands for [m]: 2 l_c sin(theta/2) (de Gennes 1985), at most dx.
+
+    What depends on how water lies on cloth, its friction and the area it wets, then does not depend on dx.
+    """
+    liquid, fabric = config.fluid.liquid, config.cloth.fabric
+    gravity = math.sqrt(sum(g * g for g in config.space.gravity))
+    capillary_length = math.sqrt(liquid.surface_tension / (liquid.rest_density * max(gravity, 1e-9)))
+    return min(dx, max(2.0 * capillary_length * math.sin(0.5 * fabric.contact_angle), THINNEST))

@@ -27,28 +27,35 @@ class Sides:
     @ti.kernel
     def _find(self):
         for i in range(self.count[None]):
-            self.triangle[i] = -1
-            self.side[i] = 0
             x = self.x[i]
+            best, nearest, weights = self.reach * self.reach, -1, tm.vec3(0.0)
+            if 0 <= self.triangle[i]:
+                best, nearest, weights = self._nearer(x, self.triangle[i], best, nearest, weights)
             first, last = self.boxes.window(x, x)
-            best = self.reach * self.reach
-            nearest = -1
-            weights = tm.vec3(0.0)
             for a, b, c in ti.ndrange((first[0], last[0] + 1), (first[1], last[1] + 1), (first[2], last[2] + 1)):
                 cell = self.boxes.flat(a, b, c)
                 for s in range(self.boxes.start[cell], self.boxes.start[cell + 1]):
                     p = self.boxes.slots[s]
                     outside = ti.max(self.sheet.low[p] + self.reach - x, x - self.sheet.high[p] + self.reach, 0.0)
-                    if outside.dot(outside) < best:
+                    if outside.dot(outside) <= best:
                         for t in range(2 * p, 2 * p + 2):
-                            a0, b0, c0 = self.sheet.points(t)
-                            w = closest_barycentric(x, a0, b0, c0)
-                            r = x - (w[0] * a0 + w[1] * b0 + w[2] * c0)
-                            if r.dot(r) < best:
-                                best, nearest, weights = r.dot(r), t, w
+                            best, nearest, weights = self._nearer(x, t, best, nearest, weights)
+            self.triangle[i] = nearest
+            self.side[i] = 0
             if nearest >= 0:
-                self.triangle[i] = nearest
                 self.side[i] = self._side(x, nearest, weights)
+
+    @ti.func
+    def _nearer(self, x, t, best, nearest, weights):
+        """The better of the best so far and triangle t. Last step's triangle goes first and prunes the rest; ties go
+        to the lower number, so that where one began makes no difference."""
+        a, b, c = self.sheet.points(t)
+        w = closest_barycentric(x, a, b, c)
+        r = x - (w[0] * a + w[1] * b + w[2] * c)
+        d, n, v = best, nearest, weights
+        if r.dot(r) < best or (r.dot(r) == best and t < nearest):
+            d, n, v = r.dot(r), t, w
+        return d, n, v
 
     @ti.func
     def _side(self, x, t, w):

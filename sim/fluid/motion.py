@@ -25,8 +25,9 @@ class Motion:
 
     def stages(self) -> tuple[Stage, ...]:
         """forces and move."""
+        changed = ("fluid.v", "fluid.acceleration")
         return (
-            Stage("forces", "accelerate", self.accelerate, self.rows, ("fluid.v", "fluid.acceleration"), self._of_terms),
+            Stage("forces", "accelerate", self.accelerate, self.rows, changed, self._of_terms),
             Stage("move", "move", self.move, ("fluid.x", "fluid.v"), ("fluid.x", "fluid.v"), self._of_speed),
         )
 
@@ -61,7 +62,7 @@ class Motion:
     @ti.kernel
     def _move(self, dt: float):
         for i in range(self.state.count[None]):
-            self.x[i], self.v[i] = self.walls.move(self.x[i], self.v[i], dt)
+            self.x[i], self.v[i] = self.walls.move(i, self.v[i], dt)
 
     @ti.kernel
     def _fastest(self) -> float:

@@ -5,6 +5,7 @@ import taichi as ti
 from sim.errors import CapacityError
 from sim.maths.kernels import KERNELS, lattice_shares
 from sim.stage import Build, Stage
+from sim.state import Row
 
 
 @ti.data_oriented
@@ -28,12 +29,13 @@ class Pairs:
     """
 
     rows = ("fluid.x", "fluid.mass")
-    scratch = ()
+    scratch = (Row("fluid.pairs.inverse_mass", "f", "1/kg", "spares a division a pair", saved=False),)
 
     def __init__(self, build: Build):
         fluid = build.config.fluid
         self.state, self.list = build.state, build.parts["search"].list
         self.x, self.mass = build.state["fluid.x"], build.state["fluid.mass"]
+        self.inverse_mass = build.state["fluid.pairs.inverse_mass"]
         self.start, self.stop = self.list.start, self.list.stop
         self.kernel = KERNELS[fluid.kernel]
         self.support_radius = fluid.support_radius
@@ -66,6 +68,7 @@ class Pairs:
     def _weigh(self, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
         for i in range(self.state.count[None]):
             x = self.x[i]
+            self.inverse_mass[i] = 1.0 / self.mass[i]
             for k in range(self.start[i], self.stop[i]):
                 j = neighbour[k]
                 r = x - self.x[j]

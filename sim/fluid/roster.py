@@ -8,14 +8,14 @@ from sim.fluid.population import Population
 from sim.fluid.walls import Walls
 from sim.registry import method
 from sim.stage import Build, Stage
-from sim.state import Row
 
 
 def methods(config: Any) -> list[type]:
     """Every class whose rows and scratch the water of this scene needs."""
     fluid = config.fluid
     terms = [method("fluid.term", name) for name in fluid.terms]
-    return [Population, method("search", fluid.search), Pairs, Motion, *terms, method("fluid.pressure", fluid.method)]
+    search, pressure = method("search", fluid.search), method("fluid.pressure", fluid.method)
+    return [Population, search, Pairs, Walls, Motion, *terms, pressure]
 
 
 def sizes(water) -> dict[str, int]:

@@ -5,8 +5,9 @@ import taichi as ti
 import taichi.math as tm
 
 from sim.maths.distance import box_distance, plane_distance, sphere_distance
-from sim.maths.kernels import KERNELS, wall_offset
+from sim.maths.kernels import KERNELS, wall_fit
 from sim.stage import Build
+from sim.state import Row
 
 PLANE, BOX, SPHERE = 0, 1, 2
 CLEAR = 0.2
@@ -20,17 +21,26 @@ PIECES_MAX = 16
 class Walls:
     """Planes, boxes and spheres. A wall is where water at rest stands half a spacing away.
 
-    density(x) -> (lambda, grad lambda): share of the kernel at x that solids fill; rho += rho0 lambda, and the
-    reaction of pressure p_i is its adjoint, a_i = -(p_i/rho_i^2) rho0 grad lambda (as in Akinci 2012, integrated).
+    With lambda the share of the kernel at x_i that solids fill, rho_i += rho0 lambda, and the reaction of pressure is
+    the adjoint, a_i = -(p_i/rho_i^2) gradient[i], gradient = rho0 grad lambda (as in Akinci 2012, integrated).
     Solids overlap in corners: the share of both is lambda_1 lambda_2 where their faces are at right angles (exact at
     the corner), the smaller of the two where they are parallel, none where they are opposite; linear in the cosine.
     """
 
+    rows = ("fluid.x",)
+    scratch = (
+        Row("fluid.walls.gradient", "v", "kg/m^4", "rho0 grad lambda", saved=False),
+        Row("fluid.walls.friction", "f", "1", "of the solid that fills most", saved=False),
+    )
+
     def __init__(self, build: Build):
         fluid = build.config.fluid
-        self.spacing, self.support_radius = fluid.spacing, fluid.support_radius
+        self.x = build.state["fluid.x"]
+        self.gradient, self.rub = (build.state[row.name] for row in self.scratch)
+        self.rest_density = fluid.liquid.rest_density
+        self.spacing = fluid.spacing
         self.kernel = KERNELS[fluid.kernel]
-        self.offset = wall_offset(self.kernel, fluid.support) * fluid.spacing
+        self.reach, self.offset = (a * fluid.spacing for a in wall_fit(self.kernel, fluid.support))
         primitives = build.scene.solids.primitives
         self.count = len(primitives)
         self.rough = any(p.friction > 0.0 for p in primitives)
@@ -59,13 +69,20 @@ class Walls:
         return nd
 
     @ti.func
-    def density(self, x):
+    def meet(self, i):
+        """rho0 lambda [kg/m^3] of all solids at x_i; keeps gradient[i] and the friction."""
+        share, gradient, friction = self.fill(self.x[i])
+        self.gradient[i], self.rub[i] = self.rest_density * gradient, friction
+        return self.rest_density * share
+
+    @ti.func
+    def fill(self, x):
         """(lambda, grad lambda, friction): of all solids at x, as (1, 1/m, 1); friction of the one that fills most."""
         share, gradient, friction, most = 0.0, tm.vec3(0.0), 0.0, 0.0
         for s in range(self.count):
             nd = self.distance(s, x)
-            if nd[3] + self.offset < self.support_radius:
-                part, slope = self.kernel.wall(nd[3] + self.offset, self.support_radius)
+            if nd[3] + self.offset < self.reach:
+                part, slope = self.kernel.wall(nd[3] + self.offset, self.reach)
                 towards = slope * nd.xyz
                 cosine = 0.0
                 if share > 0.0:
@@ -90,15 +107,35 @@ class Walls:
         )
 
     @ti.func
-    def move(self, x, v, dt):
+    def slow(self, i, v, push):
+        """v after Coulomb's friction on a particle that the walls pushed by `push` [m/s]: |dv_t| <= friction push."""
+        if push > 0.0:
+            n = self.gradient[i].normalized()
+            along = v - v.dot(n) * n
+            v -= along * ti.min(1.0, self.rub[i] * push / ti.max(along.norm(), 1e-12))
+        return v
+
+    @ti.func
+    def move(self, i, v, dt):
         """(x, v) after dt: straight, but not into a solid; velocity into one that it would enter is taken away."""
-        pieces = ti.min(ti.cast(v.norm() * dt / (0.4 * self.spacing), ti.i32), PIECES_MAX - 1) + 1
-        for _ in range(pieces):
-            x += v * (dt / pieces)
-            for s in range(self.count):
-                nd = self.distance(s, x)
-                missing = CLEAR * self.spacing - nd[3]
-                if missing > 0.0:
-                    x += missing * nd.xyz
-                    v -= ti.min(v.dot(nd.xyz), 0.0) * nd.xyz
+        x = self.x[i]
+        steps = v.norm() * dt / (0.4 * self.spacing)
+        # Out of reach of every solid at the start, a short move needs no look.
+        if steps > 1.5 or self.gradient[i].norm_sqr() > 0.0:
+            pieces = ti.min(ti.cast(steps, ti.i32), PIECES_MAX - 1) + 1
+            for _ in range(pieces):
+                x += v * (dt / pieces)
+                x, v = self._out(x, v)
+        else:
+            x += v * dt
+        return x, v
+
+    @ti.func
+    def _out(self, x, v):
+        for s in range(self.count):
+            nd = self.distance(s, x)
+            missing = CLEAR * self.spacing - nd[3]
+            if missing > 0.0:
+                x += missing * nd.xyz
+                v -= ti.min(v.dot(nd.xyz), 0.0) * nd.xyz
         return x, v

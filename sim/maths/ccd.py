@@ -56,12 +56,8 @@ def _bisect(c, a, b):
 
 
 @ti.func
-def first_hit(x0, x1, a0, a1, b0, b1, c0, c1):
-    """(t, b1, b2) of the first crossing in [0, 1]; t = 2 where there is none. Points move linearly, 0 -> 1 [m]."""
-    q0, u0, v0 = ti.cast(x0 - a0, ti.f64), ti.cast(b0 - a0, ti.f64), ti.cast(c0 - a0, ti.f64)
-    q1, u1, v1 = ti.cast(x1 - a1, ti.f64), ti.cast(b1 - a1, ti.f64), ti.cast(c1 - a1, ti.f64)
-    dq, du, dv = q1 - q0, u1 - u0, v1 - v0
-    c = coplanar_cubic(q0, dq, u0, du, v0, dv)
+def _knots(c):
+    """0, the extrema of the cubic within [0, 1], 1; in order."""
     knots = ti.Vector([0.0, 1.0, 1.0, 1.0], ti.f64)
     p, q, r = 3.0 * c[3], 2.0 * c[2], c[1]
     disc = q * q - 4.0 * p * r
@@ -75,7 +71,34 @@ def first_hit(x0, x1, a0, a1, b0, b1, c0, c1):
             t2 = r / s
         knots[1] = tm.clamp(ti.min(t1, t2), 0.0, 1.0)
         knots[2] = tm.clamp(ti.max(t1, t2), 0.0, 1.0)
+    return knots
+
+
+@ti.func
+def _apart(x, y):
+    """x - y in f64, exact for f32 coordinates of like size."""
+    return ti.cast(x, ti.f64) - ti.cast(y, ti.f64)
+
+
+@ti.func
+def first_hit(x0, x1, a0, a1, b0, b1, c0, c1):
+    """(t, b1, b2) of the first crossing in [0, 1]; t = 2 where there is none. Points move linearly, 0 -> 1 [m]."""
+    q0, u0, v0 = _apart(x0, a0), _apart(b0, a0), _apart(c0, a0)
+    q1, u1, v1 = _apart(x1, a1), _apart(b1, a1), _apart(c1, a1)
+    dq, du, dv = q1 - q0, u1 - u0, v1 - v0
+    c = coplanar_cubic(q0, dq, u0, du, v0, dv)
     hit = ti.Vector([2.0, 0.0, 0.0], ti.f64)
+    hull = ti.Vector([c[0], c[0] + c[1] / 3.0, c[0] + (2.0 * c[1] + c[2]) / 3.0, c.sum()], ti.f64)
+    if hull.min() <= 0.0 <= hull.max():  # else the Bernstein hull has no root: most queries end here
+        hit = _search(c, q0, dq, u0, du, v0, dv)
+    return hit
+
+
+@ti.func
+def _search(c, q0, dq, u0, du, v0, dv):
+    """Roots piece by piece between the knots where the derivative vanishes, the first that lies in the triangle."""
+    hit = ti.Vector([2.0, 0.0, 0.0], ti.f64)
+    knots = _knots(c)
     for k in range(3):
         if hit[0] > 1.0:
             f_a, f_b = cubic(c, knots[k]), cubic(c, knots[k + 1])

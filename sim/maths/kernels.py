@@ -88,34 +88,42 @@ KERNELS = {
 """By the name that a scene gives in fluid.kernel."""
 
 
+def lattice_points(support: float) -> list[tuple[int, int, int]]:
+    """Points of the unit cubic lattice up to the support."""
+    axis = range(-math.ceil(support), math.ceil(support) + 1)
+    return [(i, j, k) for i in axis for j in axis for k in axis if i * i + j * j + k * k <= support * support]
+
+
 def lattice_shares(kernel: SmoothingKernel, support: float) -> tuple[float, float]:
     """Sums of W dx^3 over the cubic lattice of spacing dx = H/support: (whole, the half-space z < 0 beyond a point).
 
     The whole is 1.034 for Wendland C2 at support 2: the kernel is divided by it, so that a lattice has density rho0.
     """
-    reach = range(-math.ceil(support), math.ceil(support) + 1)
     whole = beyond = 0.0
-    for i in reach:
-        for j in reach:
-            for k in reach:
-                w = kernel.value(math.sqrt(i * i + j * j + k * k), support)
-                whole += w
-                beyond += w if k < 0 else 0.0
+    for p in lattice_points(support):
+        w = kernel.value(math.dist(p, (0, 0, 0)), support)
+        whole += w
+        beyond += w if p[2] < 0 else 0.0
     return whole, beyond
 
 
-def wall_offset(kernel: SmoothingKernel, support: float) -> float:
-    """By how much d is lengthened [dx], so that lattice water whose lowest layer is dx/2 above a wall has density rho0.
+def wall_fit(kernel: SmoothingKernel, support: float) -> tuple[float, float]:
+    """(range, offset) [dx] of the wall that holds lattice water at rest: share wall(d + offset, range).
 
-    A lattice below z = 0 weighs less on the layer at dx/2 than a continuum there: lambda(dx/2) would push it away.
+    At d = dx/2 it gives the lowest layer density rho0, and twice the pull of the layers above: these act on it with
+    its own pressure and theirs, the wall with its own alone, since a wall has none. The true half-space
+    (range = support, offset = 0) lets water sink in until something else carries a fifth of its weight.
     """
     whole, beyond = lattice_shares(kernel, support)
-    low, high = 0.0, support
+    low, high = 0.0, 1.0
     for _ in range(60):
         middle = 0.5 * (low + high)
-        share, _ = kernel.wall(middle, support)
+        share, _ = kernel.wall(middle, 1.0)
         low, high = (middle, high) if share > beyond / whole else (low, middle)
-    return low - 0.5
+    r = lattice_points(support)
+    pull = sum(kernel.slope(math.dist(p, (0, 0, 0)), support) * p[2] for p in r if p[2] > 0)
+    reach = kernel.wall(low, 1.0)[1] / (2.0 * pull / whole)
+    return reach, low * reach - 0.5
 
 
 def largest_eigenvalue(kernel: SmoothingKernel, support: float) -> float:
@@ -123,8 +131,7 @@ def largest_eigenvalue(kernel: SmoothingKernel, support: float) -> float:
 
     g_j = grad W. Jacobi's relaxation must stay under 2 over it: 0.77 at support 2, 0.32 at 3 (Wendland C2).
     """
-    axis = np.arange(-math.ceil(support), math.ceil(support) + 1)
-    r = np.stack(np.meshgrid(axis, axis, axis), -1).reshape(-1, 3).astype(float)
+    r = np.array(lattice_points(support), float)
     distance = np.linalg.norm(r, axis=1)
     near = (distance > 0.0) & (distance < support)
     g = r[near] * np.array([kernel.slope(d, support) for d in distance[near]])[:, None]

@@ -181,4 +181,3 @@ def _nearest_pin(uv: np.ndarray, pins: np.ndarray) -> tuple[np.ndarray, np.ndarr
         nearer = gap < distance
         nearest[nearer], distance[nearer] = pin, gap[nearer]
     return nearest, distance
-

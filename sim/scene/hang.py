@@ -64,7 +64,7 @@ def _hearts(name: str, where: Any, index: np.ndarray) -> list[int]:
         return list(index[border])
     for i, j in where:
         if i >= ni or j >= nj:
-            raise ConfigError(f"cloth.pins.{name}.where = [{i}, {j}]: the sheet has nodes [0, 0] to [{ni - 1}, {nj - 1}]")
+            raise ConfigError(f"cloth.pins.{name}.where = [{i}, {j}]: the last node is [{ni - 1}, {nj - 1}]")
     return [index[i, j] for i, j in where]
 
 
@@ -77,7 +77,7 @@ def _sag(count: int, spacing: float, clip: float, slack: float) -> tuple[np.ndar
     free = length - 2.0 * clip
     chord = (1.0 - slack) * length - 2.0 * clip
     if chord <= 0.0:
-        raise ConfigError(f"cloth.slack = {slack:g}: the clips ({clip:g} m each) do not fit into what is left of a side")
+        raise ConfigError(f"cloth.slack = {slack:g}: two clips of {clip:g} m do not fit into what is left of a side")
     t = np.clip((spacing * (np.arange(count - 1) + 0.5) - clip) / free, 0.0, 1.0)
     low, high = 0.0, 2.4  # the mean of cos(theta0 sin) falls from 1 to 0 over this range: Bessel's J0
     for _ in range(60):

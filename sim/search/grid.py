@@ -39,7 +39,8 @@ class GridSearch:
         self.x = build.state["fluid.x"]
         self.cell, self.order = build.state["fluid.search.cell"], build.state["fluid.order"]
         self.support_radius = config.fluid.support_radius
-        self.space_low, self.space_high = (ti.Vector([float(a) for a in c]) for c in (config.space.low, config.space.high))
+        space = config.space
+        self.space_low, self.space_high = (ti.Vector([float(a) for a in c]) for c in (space.low, space.high))
         self.low, self.high = ti.Vector.field(3, float, shape=()), ti.Vector.field(3, float, shape=())
         self.edge = ti.field(float, shape=())
         self.shape = ti.Vector.field(3, ti.i32, shape=())

@@ -1,19 +1,21 @@
 """From water that touches the sheet to the patches under it: demand meets supply, in whole mass units.
 
-A particle covers dx^2 (less when it is light), spread over the patches under it by a tent in material coordinates;
-a patch's demand is shared by that cover, and scaled down where a particle has less than is asked of it. So a
-particle may be larger than a patch can hold, and the mesh and the particle size need not match.
+A particle stands for its volume as a puddle of height 2 l_c sin(theta/2) (de Gennes 1985), or dx if that is less, so
+that the area wetted by so much water does not depend on the size of particles. The puddle is spread over the patches
+under it by a tent in material coordinates; a patch's demand is shared by that cover, and scaled down where a particle
+has less than is asked of it. So a particle may be larger than a patch can hold.
 """
+
+import math
 
 import numpy as np
 import taichi as ti
 import taichi.math as tm
 
 from sim.constants import MASS_UNIT
+from sim.coupling.layer import TOUCH, film_height
 from sim.maths.facet import plane_gap
 
-TOUCH = 0.65
-"""[dx] A particle nearer than this wets the sheet; at rest it stands at 0.4 dx."""
 COVER_ONE = 2**24
 """Fixed point of cover: integers add up the same in any order."""
 
@@ -34,8 +36,9 @@ class Supply:
         self.mass, self.units = state["fluid.mass"], state["fluid.mass_units"]
         self.triangle, self.side = state["fluid.triangle"], state["fluid.side"]
         self.dx = build.config.fluid.spacing
-        self.half = max(self.dx, water.spacing)
-        self.full_mass = build.config.fluid.liquid.rest_density * self.dx**3
+        height = film_height(build.config, self.dx)
+        self.cover_per_mass = 1.0 / (height * water.liquid.rest_density * water.area)
+        self.half = max(math.sqrt(self.dx**3 / height), water.spacing)
         self.uv = ti.Vector.field(2, float, shape=water.node_count)
         self.uv.from_numpy(sheet.uv.astype(np.float64 if self.mass.dtype == ti.f64 else np.float32))
         capacity = state.sizes["fluid"]
@@ -76,8 +79,8 @@ class Supply:
 
     @ti.func
     def _covers(self, i):
-        """Patch areas that particle i covers: dx^2/a^2, in proportion for a light one."""
-        return ti.min(self.mass[i] / self.full_mass, 1.0) * (self.dx * self.dx / self.water.area)
+        """Patch areas that the puddle of particle i covers."""
+        return self.mass[i] * self.cover_per_mass
 
     @ti.func
     def _window(self, place):

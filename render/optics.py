@@ -1,0 +1,93 @@
+"""What a ray of sight does at water: it mirrors, bends, and is dyed; what it meets is looked up on the screen."""
+
+import taichi as ti
+
+from render.camera import project, row
+from render.light import studio
+from render.raster import depth_of
+
+INDEX = 1.333  # of refraction
+LENS = (0.9, 0.6)  # of a free body's full deflection, alone and merged: its far side is guessed from its near side
+DEEP = 0.06  # [m]: tint stops growing about here, or a tank would be a block of ink
+BLUR = 0.006  # of the picture's height: what a stream's unseen ripples smear
+ABSORB = (16.0, 4.0, 2.2)  # [1/m]: some forty times pure water, so that centimetres show the faintest blue-green
+
+
+@ti.func
+def fetch(image: ti.template(), u, v):
+    """Bilinear colour at (u, v) pixels, clamped to the border."""
+    height, width = image.shape[0], image.shape[1]
+    u, v = ti.math.clamp(u - 0.5, 0.0, width - 1.001), ti.math.clamp(v - 0.5, 0.0, height - 1.001)
+    x, y = ti.cast(u, ti.i32), ti.cast(v, ti.i32)
+    fx, fy = u - x, v - y
+    top = image[y, x] * (1.0 - fx) + image[y, x + 1] * fx
+    return top * (1.0 - fy) + (image[y + 1, x] * (1.0 - fx) + image[y + 1, x + 1] * fx) * fy
+
+
+@ti.func
+def behind(image: ti.template(), keys: ti.template(), at, straight, nearest, blur):
+    """Opaque colour about the image point `at`, mean of a square of side `blur` [pixels]; `straight` if what stands
+    there is nearer than `nearest` [m]."""
+    ix = ti.math.clamp(ti.cast(at[0], ti.i32), 0, image.shape[1] - 1)
+    iy = ti.math.clamp(ti.cast(at[1], ti.i32), 0, image.shape[0] - 1)
+    colour = fetch(image, at[0], at[1])
+    if blur > 0.5:
+        colour = ti.Vector([0.0, 0.0, 0.0])
+        for k in range(16):
+            colour += fetch(image, at[0] + blur * (k % 4 - 1.5) / 4.0, at[1] + blur * (k // 4 - 1.5) / 4.0) / 16.0
+    if depth_of(keys[iy, ix, 0]) < nearest:
+        colour = straight
+    return colour
+
+
+@ti.func
+def mirrored(image: ti.template(), keys: ti.template(), view, lens, p, direction, spacing, sky_colour):
+    """What a mirror ray from p meets on the screen, by steps that grow; the sky if it meets nothing there."""
+    colour, along, step = sky_colour, 1.5 * spacing, 1.5 * spacing
+    for _ in range(18):
+        at = project(view, lens, p + along * direction)
+        x, y = ti.cast(ti.floor(at[0]), ti.i32), ti.cast(ti.floor(at[1]), ti.i32)
+        if at[2] < 0.01 or not (0 <= x < image.shape[1] and 0 <= y < image.shape[0]):
+            break
+        past = at[2] - depth_of(keys[y, x, 0])
+        if 0.0 < past < 1.5 * step + spacing:
+            colour = fetch(image, at[0], at[1])
+            break
+        step *= 1.18
+        along += step
+    return colour
+
+
+@ti.func
+def bend(direction, normal, ratio):
+    """Refracted unit direction (Snell); the mirrored one where all is reflected."""
+    cosine = -direction.dot(normal)
+    k = 1.0 - ratio * ratio * (1.0 - cosine * cosine)
+    bent = direction + 2.0 * cosine * normal
+    if k > 0.0:
+        bent = ratio * direction + (ratio * cosine - ti.sqrt(k)) * normal
+    return bent
+
+
+@ti.func
+def refracted(
+    image: ti.template(), keys: ti.template(), view, lens, to_sun, p, away, normal, straight, depth, room, water,
+    free, merged, spacing,
+):
+    """Radiance that comes through the water at p: bent once onto what it rests on, twice if it hangs free in the air.
+
+    straight: opaque colour of this pixel; room: way to that surface [m]; water: water on that way [m].
+    """
+    inside = bend(away, normal, 1.0 / INDEX)
+    length = ti.min(water, room)
+    level = ti.min(-away.dot(normal) / ti.max(-inside.dot(normal), 0.1), 1.0)
+    leave = p + length * (free + (1.0 - free) * level) * inside
+    out = bend(inside, 2.0 * normal.dot(away) * away - normal, INDEX)
+    out = (inside + free * (away + (LENS[0] + (LENS[1] - LENS[0]) * merged) * (out - away) - inside)).normalized(1e-12)
+    at = project(view, lens, leave + free * (room - length) * out)
+    colour = behind(image, keys, at, straight, depth - spacing, BLUR * free * merged * image.shape[0])
+    if free > 0.0:
+        border = ti.min(at[0], image.shape[1] - at[0], at[1], image.shape[0] - at[1])
+        known = ti.math.clamp(border / 40.0, 0.0, 1.0) if out.dot(row(view, 2)) > 0.1 else 0.0
+        colour += (studio(out, to_sun) - colour) * (1.0 - known) * free
+    return colour * ti.exp(-ti.Vector(ABSORB) * length / (1.0 + length / DEEP))
