@@ -7,6 +7,7 @@ import taichi as ti
 
 VEC3 = ti.types.vector(3, ti.f32)
 VIEW = ti.types.matrix(4, 3, ti.f32)
+BOX = ti.types.vector(4, ti.i32)
 
 
 def look_at(eye, target) -> np.ndarray:
@@ -23,6 +24,19 @@ def lens(size, fov: float) -> np.ndarray:
     """(focal length, centre x, centre y) in pixels for a vertical field of view `fov` [rad]."""
     width, height = size
     return np.array([0.5 * height / math.tan(0.5 * fov), 0.5 * width, 0.5 * height], np.float32)
+
+
+def box_of(x: np.ndarray, view, lens, size, margin: float) -> np.ndarray:
+    """Pixel box (x0, y0, x1, y1) i32 that holds the points x (n, 3) and `margin` [m] about each; the whole picture
+    if any of them is not in front of the eye."""
+    r = (x - view[3]) @ view[:3].T
+    if r[:, 2].min(initial=1.0) < 0.01:
+        return np.array([0, 0, *size], np.int32)
+    scale = lens[0] / r[:, 2:]
+    at = lens[1:] + scale * r[:, :2] * np.array([1.0, -1.0], np.float32)
+    edge = margin * scale + 3.0
+    low, high = np.floor((at - edge).min(axis=0)), np.ceil((at + edge).max(axis=0))
+    return np.concatenate([np.clip(low, 0, size), np.clip(high, 0, size)]).astype(np.int32)
 
 
 @ti.func

@@ -9,7 +9,7 @@ import numpy as np
 import taichi as ti
 
 from render import image, opaque, raster
-from render.camera import VEC3, lens, look_at
+from render.camera import VEC3, box_of, lens, look_at
 from render.cloth import Sheet
 from render.light import DISC, GLASS_SHADE, Light
 from render.water import Water, shade_water
@@ -70,10 +70,11 @@ class Renderer:
         to_sun = (-np.asarray(look.light) / np.linalg.norm(look.light)).astype(np.float32)
         first_solid = self._opaque(frame, look, static, view, glass, to_sun)
         if frame.fluid_x is not None and len(frame.fluid_x):
-            self._water(frame, float(static.spacing), view, glass, to_sun, first_solid)
+            self._water(frame, float(static.spacing), view, glass, to_sun)
         if self.solids:
             opaque.overlay_walls(
-                view, glass, to_sun, self.keys, self.fronts, first_solid, self.solid_x, self.solid_triangles, self.image
+                view, glass, to_sun, self.solid_box, self.keys, self.fronts, first_solid,
+                self.solid_x, self.solid_triangles, self.image,
             )
         image.develop(self.image, image.CURVE, self.pixels)
         return self.pixels.copy()
@@ -106,7 +107,7 @@ class Renderer:
             meshes.append((sheet.points, sheet.triangles, 0, 0.8))
             sheet_arrays = (sheet.points, sheet.normals, sheet.wetness, sheet.uv, sheet.triangles)
             colour, hem = np.asarray(static.cloth_colour, np.float32), sheet.hem
-            raster.rasterise(sheet.points, sheet.triangles, 0, view, glass, 1, self.keys, self.keys, False)
+            raster.rasterise(sheet.points, sheet.triangles, 0, view, glass, 1, self.keys, self.keys, 0)
         if self.solids:
             meshes.append((self.solid_x, self.solid_triangles, first_solid, GLASS_SHADE))
             self._walls(view, glass, first_solid)
@@ -127,12 +128,13 @@ class Renderer:
         if seen_from == self.seen_from:
             return
         self.seen_from = seen_from
+        self.solid_box = box_of(self.solid_x, view, glass, self.size, 0.0)
         raster.clear(self.backs, 0)
         raster.clear(self.fronts, raster.EMPTY)
         arrays = (self.solid_x, self.solid_triangles, first_solid, view, glass)
-        raster.rasterise(*arrays, raster.strips(self.solid_triangles), self.fronts, self.backs, True)
+        raster.rasterise(*arrays, raster.strips(self.solid_triangles), self.fronts, self.backs, 1)
 
-    def _water(self, frame: Frame, spacing: float, view, glass, to_sun, first_solid: int) -> None:
+    def _water(self, frame: Frame, spacing: float, view, glass, to_sun) -> None:
         """Water into self.image, in front of what is there."""
         if self.water is None:
             self.water = Water(self.size)
@@ -141,6 +143,5 @@ class Renderer:
         self.spare.copy_from(self.image)
         shade_water(
             view, glass, to_sun, spacing, water.box, water.depths, water.reach, water.body, water.normals, self.keys,
-            light.view, light.lens, light.keys, light.nearest, DISC, first_solid,
-            light.low, light.cell, light.seen, self.spare, self.image,
+            light.view, light.lens, light.keys, light.low, light.cell, light.seen, self.spare, self.image,
         )

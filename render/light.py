@@ -15,7 +15,7 @@ HORIZON = (1.70, 1.75, 1.82)
 GROUND = (1.50, 1.49, 1.46)  # sunlit checks from afar
 BOUNCE = (0.72, 0.71, 0.70)  # from a pale ground
 PANES = 8  # windows round the horizon
-WINDOW = (6.0, 6.2, 6.4)  # radiance of a window, over the sky's
+WINDOW = (4.2, 4.35, 4.5)  # radiance of a window, over the sky's
 SUN_SPREAD = 0.035  # tangent of half the sun's angle: a hazy day
 MAP = 768  # texels a side
 BLOCK = 24  # texels a side of a block whose nearest depth may settle a shadow without sampling it
@@ -78,15 +78,18 @@ def sun_seen(keys: ti.template(), blocks_near: ti.template(), disc: ti.template(
         if at[2] > nearest:
             texel = at[2] / lens[0]
             widest = ti.math.clamp((at[2] - nearest) * SUN_SPREAD / texel, 1.0, BLOCK - 2.0)
-            total, blockers = 0.0, 0
+            total, blockers, solid = 0.0, 0, 0
             for k in range(16):
                 px = ti.cast(at[0] + widest * disc[2 * k][0], ti.i32)
                 py = ti.cast(at[1] + widest * disc[2 * k][1], ti.i32)
-                depth = depth_of(keys[py, px, 0])
-                if depth < at[2]:
-                    total += depth
+                key = keys[py, px, 0]
+                if depth_of(key) < at[2]:
+                    total += depth_of(key)
                     blockers += 1
-            if blockers > 0:
+                    solid += 1 if raster.index_of(key) >= first_solid else 0
+            if blockers == 16 and (solid == 0 or solid == 16):  # the same all about: no edge of a shadow is near
+                seen = 1.0 - (GLASS_SHADE if solid == 16 else 1.0)
+            elif blockers > 0:
                 reach = (at[2] - total / blockers) * SUN_SPREAD / texel
                 reach = ti.math.clamp(reach, 1.0, widest)
                 dark = 0.0
@@ -96,6 +99,15 @@ def sun_seen(keys: ti.template(), blocks_near: ti.template(), disc: ti.template(
                     dark += shade(keys, at[0] + reach * u, at[1] + reach * v, at[2], first_solid, side)
                 seen = 1.0 - dark / 32.0
     return seen
+
+
+@ti.func
+def sun_strikes(keys: ti.template(), view, lens, p):
+    """Does the sun reach p past all that casts a shadow? One look at its map: for glints, which are points anyway."""
+    at = project(view, lens, p)
+    x = ti.math.clamp(ti.cast(at[0], ti.i32), 0, keys.shape[1] - 1)
+    y = ti.math.clamp(ti.cast(at[1], ti.i32), 0, keys.shape[0] - 1)
+    return depth_of(keys[y, x, 0]) > at[2]
 
 
 @ti.func
@@ -114,14 +126,20 @@ def shade(keys: ti.template(), u, v, depth, first_solid, side):
 
 
 @ti.kernel
-def nearest_of_blocks(keys: KEYS, blocks_near: NEAREST):
-    """Nearest depth within each block of the sun's map and the blocks about it."""
-    side = keys.shape[0]
-    for by, bx in ti.ndrange(blocks_near.shape[0], blocks_near.shape[1]):
+def nearest_of_blocks(keys: KEYS, own: NEAREST, blocks_near: NEAREST):
+    """Nearest depth within each block of the sun's map (own) and with the blocks about it (blocks_near)."""
+    count = own.shape[0]
+    for by, bx in ti.ndrange(count, count):
         nearest = raster.FAR
-        for y in range(ti.max(0, (by - 1) * BLOCK), ti.min(side, (by + 2) * BLOCK)):
-            for x in range(ti.max(0, (bx - 1) * BLOCK), ti.min(side, (bx + 2) * BLOCK)):
+        for y in range(by * BLOCK, (by + 1) * BLOCK):
+            for x in range(bx * BLOCK, (bx + 1) * BLOCK):
                 nearest = ti.min(nearest, depth_of(keys[y, x, 0]))
+        own[by, bx] = nearest
+    for by, bx in ti.ndrange(count, count):
+        nearest = raster.FAR
+        for y in range(ti.max(0, by - 1), ti.min(count, by + 2)):
+            for x in range(ti.max(0, bx - 1), ti.min(count, bx + 2)):
+                nearest = ti.min(nearest, own[y, x])
         blocks_near[by, bx] = nearest
 
 
@@ -207,7 +225,7 @@ class Light:
 
     def __init__(self):
         self.keys = ti.ndarray(ti.i64, (MAP, MAP, 1))
-        self.nearest = ti.ndarray(ti.f32, (MAP // BLOCK, MAP // BLOCK))
+        self.own, self.nearest = (ti.ndarray(ti.f32, (MAP // BLOCK, MAP // BLOCK)) for _ in range(2))
         self.view, self.lens = look_at((0, 0, 1), (0, 0, 0)), lens((MAP, MAP), 0.1)
         self.low, self.cell = np.zeros(3, np.float32), 1.0
         self.seen = np.ones((1, 1, 1), np.float32)
@@ -221,9 +239,9 @@ class Light:
             self._aim(low, high, np.asarray(direction, float))
             for x, triangles, first_id, _ in meshes:
                 bands = raster.strips(triangles)
-                raster.rasterise(x, triangles, first_id, self.view, self.lens, bands, self.keys, self.keys, False)
+                raster.rasterise(x, triangles, first_id, self.view, self.lens, bands, self.keys, self.keys, 0)
             self._ambient(meshes, low, high, ground_z)
-        nearest_of_blocks(self.keys, self.nearest)
+        nearest_of_blocks(self.keys, self.own, self.nearest)
 
     def _aim(self, low, high, direction) -> None:
         grain = 0.02 * float(np.max(high - low)) + 1e-6

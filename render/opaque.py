@@ -2,18 +2,18 @@
 
 import taichi as ti
 
-from render.camera import VEC3, VIEW, ray, row
+from render.camera import BOX, VEC3, VIEW, ray, row
 from render.cloth import FILM_SHINE, THROUGH, UV, WETNESS, cloth_albedo
 from render.ground import ground_albedo
 from render.light import DIRECTIONS, NEAREST, SUN, VOLUME, ambient, dither, sky, sky_seen, sun_seen
-from render.raster import FAR, KEYS, NEAR, POINTS, TRIANGLES, depth_of, edges, index_of, pack, sample_offset
+from render.raster import EMPTY, FAR, KEYS, NEAR, POINTS, TRIANGLES, depth_of, edges, index_of, pack, sample_offset
 
 GROUND = 0x7FFFFFFE  # ids: cloth triangles, then solids' triangles, then these
 SKY = 0x7FFFFFFF
 NOTHING = SKY
 CERAMIC = (0.36, 0.41, 0.44)
 FROST = (0.60, 0.64, 0.67)
-LIFT = 0.0007  # [m] off the surface, and as much towards the sun, so that it does not shade itself
+LIFT = 2.0  # texels of the sun's map off a surface, and as many towards the sun, so that it does not shade itself
 IMAGE = ti.types.ndarray(dtype=VEC3, ndim=2)
 VEC4 = ti.types.vector(4, ti.f32)
 FACETS = ti.types.ndarray(dtype=VEC4, ndim=2)
@@ -38,11 +38,25 @@ def nearest_key(key, back, d, view, ground_z):
 
 
 @ti.func
+def bare(keys: ti.template(), backs: ti.template(), y, x, solids: ti.template()):
+    """Does the pixel show the plane and the sky alone? Its checks are averaged exactly, so one sample serves."""
+    answer = True
+    for s in range(4):
+        answer = answer and keys[y, x, s] == ti.i64(EMPTY)
+        if ti.static(solids):
+            answer = answer and backs[y, x, s] == 0
+    return answer
+
+
+@ti.func
 def cloth_surface(
     index, d, eye, footprint, x: ti.template(), normals: ti.template(), wetness: ti.template(), uv: ti.template(),
     triangles: ti.template(), colour, hem,
 ):
-    """(normal, albedo, shine in 0..1) where ray d meets a cloth triangle; the normal is the sheet's, not yet turned."""
+    """(normal, albedo, shine in 0..1) where ray d meets a cloth triangle; the sheet's normal, of the face that d meets.
+
+    Near an outline it may lean away from the eye, as the sheet is smoother than its triangles.
+    """
     i, j, k = triangles[index][0], triangles[index][1], triangles[index][2]
     w = ti.max(edges(x[i] - eye, x[j] - eye, x[k] - eye) @ d, 0.0)
     w /= ti.max(w.sum(), 1e-20)
@@ -50,7 +64,8 @@ def cloth_surface(
     wet = w[0] * wetness[i] + w[1] * wetness[j] + w[2] * wetness[k]
     slant = ti.max(ti.abs(normal.dot(d)) / d.norm(), 0.1)
     albedo = cloth_albedo(colour, w[0] * uv[i] + w[1] * uv[j] + w[2] * uv[k], hem, wet[0], footprint / slant)
-    below = 1.0 if normal.dot(d) * normal[2] > 0.0 else 0.0
+    normal *= -1.0 if (x[j] - x[i]).cross(x[k] - x[i]).dot(d) > 0.0 else 1.0
+    below = 1.0 if normal[2] < 0.0 else 0.0
     shine = 0.5 * ti.math.smoothstep(0.3, 1.0, wet[0]) + below * wet[1] / FILM_SHINE
     return normal, albedo, ti.min(shine, 1.0)
 
@@ -102,56 +117,60 @@ def shade_opaque(
     colour: VEC3, hem: VEC4, solid_x: POINTS, solid_triangles: TRIANGLES,
     image: IMAGE, facets: FACETS, cloth: ti.template(), solids: ti.template(),
 ):
-    """Linear radiance of each pixel without water, and (normal, farthest depth) of the last surface in it."""
+    """Linear radiance of each pixel without water, and (normal, depth) of the farthest surface in it."""
     eye = row(view, 3)
+    texel = ti.abs((eye - row(sun_view, 3)).dot(row(sun_view, 2))) / sun_lens[0]
     for y, x in ti.ndrange(keys.shape[0], keys.shape[1]):
         total, last, facet = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 1.0])
         last_group, last_depth, farthest = -2, 0.0, 0.0
-        for s in range(4):
-            at = sample_offset(s, 4)
+        count = 1 if bare(keys, backs, y, x, solids) else 4
+        for s in range(count):
+            at = sample_offset(s, count)
             d = ray(view, lens, x + at[0], y + at[1])
             key = nearest_key(keys[y, x, s], backs[y, x, s] if ti.static(solids) else ti.i64(0), d, view, ground_z)
-            keys[y, x, s] = key
+            for k in range(s, s + 4 // count):
+                keys[y, x, k] = key
             index, depth = index_of(key), depth_of(key)
-            farthest = ti.max(farthest, depth)
             group = ti.max(index, first_solid - 1)
             if group != last_group or (index < first_solid and ti.abs(depth - last_depth) > 0.01 * depth):
                 p, away, footprint = eye + depth * d, d / d.norm(), depth / lens[0]
                 last = sky(away)
+                normal, albedo, shine, through = ti.Vector([0.0, 0.0, 1.0]), ti.Vector(CERAMIC), 0.0, 0.0
+                if index == GROUND:
+                    albedo = ground_surface(p, away, footprint, tile)
+                if ti.static(cloth):
+                    if index < first_solid:
+                        normal, albedo, shine = cloth_surface(
+                            index, d, eye, footprint, cloth_x, cloth_normals, wetness, uv, cloth_triangles, colour, hem
+                        )
+                        through = THROUGH
+                if ti.static(solids):
+                    if first_solid <= index < GROUND:
+                        normal = solid_normal(index - first_solid, solid_x, solid_triangles)
+                        normal *= -1.0 if normal.dot(away) > 0.0 else 1.0
                 if index != SKY:
-                    facet, albedo, shine, through = ti.Vector([0.0, 0.0, 1.0]), ti.Vector(CERAMIC), 0.0, 0.0
-                    if index == GROUND:
-                        albedo = ground_surface(p, away, footprint, tile)
-                    if ti.static(cloth):
-                        if index < first_solid:
-                            facet, albedo, shine = cloth_surface(
-                                index, d, eye, footprint, cloth_x, cloth_normals, wetness, uv, cloth_triangles,
-                                colour, hem,
-                            )
-                            through = THROUGH
-                    if ti.static(solids):
-                        if first_solid <= index < GROUND:
-                            facet = solid_normal(index - first_solid, solid_x, solid_triangles)
-                    facet *= -1.0 if facet.dot(away) > 0.0 else 1.0
-                    lifted = p + LIFT * (to_sun + (facet if facet.dot(to_sun) > 0.0 else -facet))
+                    lifted = p + LIFT * texel * (to_sun + (normal if normal.dot(to_sun) > 0.0 else -normal))
                     sun = sun_seen(sun_keys, blocks_near, disc, sun_view, sun_lens, first_solid, lifted, dither(y, x))
-                    open_sky = sky_seen(seen, low, cell, p + 0.9 * cell * facet)
-                    last = facing_light(albedo, facet, away, to_sun, sun, open_sky, shine, through)
+                    open_sky = sky_seen(seen, low, cell, p + 0.9 * cell * normal)
+                    last = facing_light(albedo, normal, away, to_sun, sun, open_sky, shine, through)
                     if index == GROUND:
                         last = hazed(last, (p - eye).norm(), fade, away)
+                if depth > farthest:
+                    facet = normal
+            farthest = ti.max(farthest, depth)
             last_group, last_depth = group, depth
             total += last
-        image[y, x] = 0.25 * total
+        image[y, x] = total / count
         facets[y, x] = ti.Vector([facet[0], facet[1], facet[2], farthest])
 
 
 @ti.kernel
 def overlay_walls(
-    view: VIEW, lens: VEC3, to_sun: VEC3, keys: KEYS, fronts: KEYS, first_solid: ti.i32,
+    view: VIEW, lens: VEC3, to_sun: VEC3, box: BOX, keys: KEYS, fronts: KEYS, first_solid: ti.i32,
     solid_x: POINTS, solid_triangles: TRIANGLES, image: IMAGE,
 ):
     """Solids in front of what they hold: frosted glass, so that water behind a wall is seen."""
-    for y, x in ti.ndrange(image.shape[0], image.shape[1]):
+    for y, x in ti.ndrange((box[1], box[3]), (box[0], box[2])):
         colour = image[y, x]
         for s in range(4):
             key = fronts[y, x, s]

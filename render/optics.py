@@ -8,8 +8,9 @@ from render.raster import depth_of
 
 INDEX = 1.333  # of refraction
 LENS = (0.9, 0.6)  # of a free body's full deflection, alone and merged: its far side is guessed from its near side
+DARK = 0.7  # of the light is lost at the edge of a free body, whose rays go astray
 DEEP = 0.06  # [m]: tint stops growing about here, or a tank would be a block of ink
-BLUR = 0.006  # of the picture's height: what a stream's unseen ripples smear
+SMEAR = 60.0  # [pixels] at most over which a free body's image of what lies far behind is averaged
 ABSORB = (16.0, 4.0, 2.2)  # [1/m]: some forty times pure water, so that centimetres show the faintest blue-green
 
 
@@ -30,11 +31,11 @@ def behind(image: ti.template(), keys: ti.template(), at, straight, nearest, blu
     there is nearer than `nearest` [m]."""
     ix = ti.math.clamp(ti.cast(at[0], ti.i32), 0, image.shape[1] - 1)
     iy = ti.math.clamp(ti.cast(at[1], ti.i32), 0, image.shape[0] - 1)
-    colour = fetch(image, at[0], at[1])
-    if blur > 0.5:
-        colour = ti.Vector([0.0, 0.0, 0.0])
-        for k in range(16):
-            colour += fetch(image, at[0] + blur * (k % 4 - 1.5) / 4.0, at[1] + blur * (k // 4 - 1.5) / 4.0) / 16.0
+    side = 4 if blur > 0.5 else 1
+    colour = ti.Vector([0.0, 0.0, 0.0])
+    for k in range(side * side):
+        du, dv = (k % side + 0.5) / side - 0.5, (k // side + 0.5) / side - 0.5
+        colour += fetch(image, at[0] + blur * du, at[1] + blur * dv) / (side * side)
     if depth_of(keys[iy, ix, 0]) < nearest:
         colour = straight
     return colour
@@ -85,9 +86,10 @@ def refracted(
     out = bend(inside, 2.0 * normal.dot(away) * away - normal, INDEX)
     out = (inside + free * (away + (LENS[0] + (LENS[1] - LENS[0]) * merged) * (out - away) - inside)).normalized(1e-12)
     at = project(view, lens, leave + free * (room - length) * out)
-    colour = behind(image, keys, at, straight, depth - spacing, BLUR * free * merged * image.shape[0])
+    colour = behind(image, keys, at, straight, depth - spacing, free * ti.min(room / ti.max(water, 1e-6), SMEAR))
     if free > 0.0:
         border = ti.min(at[0], image.shape[1] - at[0], at[1], image.shape[0] - at[1])
         known = ti.math.clamp(border / 40.0, 0.0, 1.0) if out.dot(row(view, 2)) > 0.1 else 0.0
         colour += (studio(out, to_sun) - colour) * (1.0 - known) * free
-    return colour * ti.exp(-ti.Vector(ABSORB) * length / (1.0 + length / DEEP))
+    rim = 1.0 - free * DARK * ti.math.smoothstep(0.75, 0.2, -away.dot(normal))
+    return rim * colour * ti.exp(-ti.Vector(ABSORB) * length / (1.0 + length / DEEP))

@@ -98,7 +98,7 @@ def row_span(base, along, down, x0, x1):
 @ti.kernel
 def rasterise(
     x: POINTS, triangles: TRIANGLES, first_id: ti.i32, view: VIEW, lens: VEC3, strips: ti.i32,
-    nearest: KEYS, farthest: KEYS, walls: ti.template(),
+    nearest: KEYS, farthest: KEYS, walls: ti.i32,
 ):
     """Nearest fragment of each sample. With `walls`, of front faces only, and the farthest of them as well.
 
@@ -110,13 +110,13 @@ def rasterise(
         a, b, c = x[corner[0]], x[corner[1]], x[corner[2]]
         box = bounds(a, b, c, view, lens, width, height)
         eye = row(view, 3)
-        shown = (b - a).cross(c - a).dot(eye - a) > 0 if ti.static(walls) else True
+        shown = walls == 0 or (b - a).cross(c - a).dot(eye - a) > 0
         if shown:
             e = edges(a - eye, b - eye, c - eye)
             along = e @ row(view, 0) / lens[0]
             down = -(e @ row(view, 1)) / lens[0]
             base = e @ row(view, 2) - lens[1] * along - lens[2] * down
-            slack = -1e-5 / ti.max((a - eye).norm(), NEAR)
+            slack = -1e-4 / ti.max((a - eye).norm(), NEAR)
             for py in range(ti.max(box[1], height * strip // strips), ti.min(box[3], height * (strip + 1) // strips)):
                 span = row_span(base + (py + 0.5) * down, along, down, box[0], box[2])
                 for px in range(span[0], span[1]):
@@ -128,5 +128,5 @@ def rasterise(
                             if NEAR < depth < 1e30:
                                 key = pack(depth, first_id + t)
                                 ti.atomic_min(nearest[py, px, s], key)
-                                if ti.static(walls):
+                                if walls == 1:
                                     ti.atomic_max(farthest[py, px, s], key)

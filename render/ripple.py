@@ -2,14 +2,14 @@
 
 import taichi as ti
 
-from render.camera import VEC3, VIEW, ray, row
+from render.camera import BOX, VEC3, VIEW, ray, row
 from render.opaque import FACETS, IMAGE
-from render.raster import FAR, KEYS, POINTS, depth_of
-from render.splat import BODY, BOX, DEPTHS, bell
+from render.raster import FAR, KEYS, POINTS
+from render.splat import BODY, DEPTHS, bell
 
 BULGE = 0.85  # of a free merged body's normal is taken from its thickness, which is smoother than its near side
 EDGE = 0.6  # coverage at the outline: over 1/2, as blurring cannot fill in beyond the outermost ball
-RIM = 0.9  # tangent by which the surface tilts outwards at its very edge
+RIM = (0.8, 2.5)  # tangent by which resting and free water tilt outwards at their very edge
 
 
 @ti.func
@@ -67,13 +67,14 @@ def coverage(body: ti.template(), y, x):
 
 
 @ti.func
-def rimmed(normal, body: ti.template(), view, y, x):
-    """Normal of water that rests on something, rounded off towards its edge: the bead where it ends."""
+def rimmed(normal, body: ti.template(), view, y, x, free, merged):
+    """Normal rounded off towards the outline: the bead where resting water ends, the round side of a free drop."""
     du, dv = change(body, y, x)
     outward = -du[0] * row(view, 0) + dv[0] * row(view, 1)
     outward -= outward.dot(normal) * normal
-    edge = ti.math.clamp(2.0 - 2.0 * body[y, x][0], 0.0, 1.0)
-    return (normal + RIM * edge * outward.normalized(1e-6)).normalized(1e-12)
+    edge = ti.math.clamp((1.0 - body[y, x][0]) / (1.0 - EDGE), 0.0, 1.0)
+    tilt = merged * edge * (RIM[0] + (RIM[1] - RIM[0]) * free)
+    return (normal + tilt * outward / (outward.norm() + 0.02)).normalized(1e-12)
 
 
 @ti.func
@@ -87,7 +88,7 @@ def shape(
     x: POINTS, box: BOX, view: VIEW, lens: VEC3, spacing: ti.f32, water: KEYS, depths: DEPTHS, reach: DEPTHS,
     body: BODY, facets: FACETS, normals: IMAGE,
 ):
-    """Normal of each water pixel: a ball's own when alone, a bulge when free, its bed's when a film, else the slope's."""
+    """Normal of each water pixel: a ball's when alone, a bulge when free, its bed's when a film, else the slope's."""
     for v, u in ti.ndrange((box[1], box[3]), (box[0], box[2])):
         depth = depths[v, u]
         if depth < FAR:

@@ -6,7 +6,7 @@ Sums are integers, so the order in which threads add does not matter. All work s
 
 import taichi as ti
 
-from render.camera import VEC3, VIEW, project, ray, row
+from render.camera import BOX, VEC3, VIEW, project, ray, row
 from render.cloth import SCALARS
 from render.opaque import FACETS
 from render.raster import EMPTY, FAR, KEYS, POINTS, depth_of, pack
@@ -17,9 +17,9 @@ DEPTH_UNIT = 1e-7  # [m] of water
 BULK = 0.95  # radius of a particle among others, in spacings: neighbours merge
 WIDTH = 1.1  # of the blur of depths among company, in spacings
 OUTLINE = 0.7  # width of the blur of outlines, in that of depths
+VOTE = 4  # pixels about one that decide which of two layers of water it shows
 FRINGE = 24.0  # spacings before a surface within which a ball shows past the edge of what hides its centre
 COUNTS = ti.types.ndarray(dtype=ti.i32, ndim=1)
-BOX = ti.types.vector(4, ti.i32)
 LAYER = ti.types.ndarray(dtype=ti.i32, ndim=2)
 BODY = ti.types.ndarray(dtype=ti.types.vector(2, ti.f32), ndim=2)
 DEPTHS = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -177,6 +177,35 @@ def settle(box: BOX, water: KEYS, company: SCALARS, depths: DEPTHS, reach: DEPTH
 
 
 @ti.kernel
+def vote(box: BOX, source: DEPTHS, target: DEPTHS, reach: DEPTHS, band: ti.f32):
+    """Where merged water stands in front of other water, each pixel joins the layer that most of its neighbours show:
+    so the inner outline loses the bumps of its particles."""
+    for y, x in ti.ndrange((box[1], box[3]), (box[0], box[2])):
+        depth = source[y, x]
+        if depth < 1e30 and reach[y, x] > VOTE:
+            nearest, farthest = depth, depth
+            for k in range(8):
+                j, i = y + VOTE * (k % 3 - 1), x + VOTE * (k // 3 - 1)
+                if box[1] <= j < box[3] and box[0] <= i < box[2]:
+                    if source[j, i] < 1e30:
+                        nearest, farthest = ti.min(nearest, source[j, i]), ti.max(farthest, source[j, i])
+            if farthest - nearest > band:
+                middle = 0.5 * (nearest + farthest)
+                sums = ti.Vector([0.0, 0.0, 0.0, 0.0])
+                for j in range(ti.max(y - VOTE, box[1]), ti.min(y + VOTE + 1, box[3])):
+                    for i in range(ti.max(x - VOTE, box[0]), ti.min(x + VOTE + 1, box[2])):
+                        if source[j, i] < middle:
+                            sums += ti.Vector([source[j, i], 1.0, 0.0, 0.0])
+                        elif source[j, i] < 1e30:
+                            sums += ti.Vector([0.0, 0.0, source[j, i], 1.0])
+                if sums[1] > sums[3]:
+                    depth = depth if depth < middle else sums[0] / sums[1]
+                else:
+                    depth = depth if depth >= middle else sums[2] / sums[3]
+        target[y, x] = depth
+
+
+@ti.kernel
 def smooth_depth(box: BOX, source: DEPTHS, target: DEPTHS, reach: DEPTHS, step_x: ti.i32, step_y: ti.i32, band: ti.f32):
     """One sweep of a Gaussian along a row or column, in mirrored pairs.
 
@@ -204,30 +233,47 @@ def smooth_depth(box: BOX, source: DEPTHS, target: DEPTHS, reach: DEPTHS, step_x
 
 
 @ti.func
-def body_at(cover: ti.template(), thick: ti.template(), box, y, x):
-    """(coverage cut at 1, thickness [m]) of a pixel, clamped to the box."""
-    iy, ix = ti.math.clamp(y, box[1], box[3] - 1), ti.math.clamp(x, box[0], box[2] - 1)
-    return ti.Vector([ti.min(cover[iy, ix] / FIXED, 1.0), thick[iy, ix] * DEPTH_UNIT])
+def body_at(cover: ti.template(), thick: ti.template(), y, x):
+    """(coverage cut at 1, thickness [m]) of a pixel."""
+    return ti.Vector([ti.min(cover[y, x] / FIXED, 1.0), thick[y, x] * DEPTH_UNIT])
+
+
+@ti.func
+def known(box, cover: ti.template(), facets: ti.template(), y, x, depth):
+    """May water at `depth` be judged by this pixel, or does something nearer hide what is there?"""
+    answer = box[1] <= y < box[3] and box[0] <= x < box[2]
+    if answer:
+        answer = cover[y, x] > 0 or facets[y, x][3] > depth
+    return answer
 
 
 @ti.kernel
-def smooth_body(box: BOX, cover: LAYER, thick: LAYER, reach: DEPTHS, spare: BODY, body: BODY):
+def smooth_body(
+    box: BOX, cover: LAYER, thick: LAYER, depths: DEPTHS, reach: DEPTHS, facets: FACETS, spacing: ti.f32,
+    spare: BODY, body: BODY,
+):
     """Coverage and thickness blurred along rows, then columns: the outline cover = 1/2 loses its particles' bumps."""
     for y, x in ti.ndrange((box[1], box[3]), (box[0], box[2])):
-        total, weight = body_at(cover, thick, box, y, x), 1.0
-        if reach[y, x] > 0.0:
-            sigma = OUTLINE * reach[y, x] + 0.05
-            for k in range(1, ti.cast(2.5 * sigma, ti.i32) + 1):
-                w = bell(k, sigma)
-                total += w * (body_at(cover, thick, box, y, x - k) + body_at(cover, thick, box, y, x + k))
-                weight += 2.0 * w
+        total, weight = body_at(cover, thick, y, x), 1.0
+        sigma = OUTLINE * reach[y, x]
+        near = depths[y, x] - 4.0 * spacing if depths[y, x] < 1e30 else 0.0
+        for k in range(1, ti.cast(2.5 * sigma, ti.i32) + 1):
+            w = bell(k, sigma)
+            for side in range(2):
+                i = x + k if side == 0 else x - k
+                if known(box, cover, facets, y, i, near):
+                    total += w * body_at(cover, thick, y, i)
+                    weight += w
         spare[y, x] = total / weight
     for y, x in ti.ndrange((box[1], box[3]), (box[0], box[2])):
         total, weight = spare[y, x], 1.0
-        if reach[y, x] > 0.0:
-            sigma = OUTLINE * reach[y, x] + 0.05
-            for k in range(1, ti.cast(2.5 * sigma, ti.i32) + 1):
-                w = bell(k, sigma)
-                total += w * (spare[ti.max(y - k, box[1]), x] + spare[ti.min(y + k, box[3] - 1), x])
-                weight += 2.0 * w
+        sigma = OUTLINE * reach[y, x]
+        near = depths[y, x] - 4.0 * spacing if depths[y, x] < 1e30 else 0.0
+        for k in range(1, ti.cast(2.5 * sigma, ti.i32) + 1):
+            w = bell(k, sigma)
+            for side in range(2):
+                j = y + k if side == 0 else y - k
+                if known(box, cover, facets, j, x, near):
+                    total += w * spare[j, x]
+                    weight += w
         body[y, x] = total / weight

@@ -6,13 +6,13 @@ import numpy as np
 import taichi as ti
 
 from render import ripple, splat
-from render.camera import VEC3, VIEW, ray, row
-from render.light import DIRECTIONS, NEAREST, VOLUME, dither, sky_seen, studio, sun_seen
+from render.camera import BOX, VEC3, VIEW, box_of, ray, row
+from render.light import VOLUME, sky_seen, studio, sun_strikes
 from render.opaque import IMAGE
 from render.optics import mirrored, refracted
 from render.raster import FAR, KEYS, depth_of
 from render.ripple import coverage, hanging, rimmed
-from render.splat import BODY, BOX, DEPTHS
+from render.splat import BODY, DEPTHS
 
 GLINT = 9.0  # of the sun in water, over the sun's irradiance
 FOCUS = 0.25  # of (depth x curvature): by how much a curved surface gathers light below it, 1 - 1/INDEX
@@ -44,8 +44,8 @@ def gathered(normals: ti.template(), depths: ti.template(), view, y, x, texel, r
 @ti.kernel
 def shade_water(
     view: VIEW, lens: VEC3, to_sun: VEC3, spacing: ti.f32, box: BOX, depths: DEPTHS, reach: DEPTHS, body: BODY,
-    normals: IMAGE, keys: KEYS, sun_view: VIEW, sun_lens: VEC3, sun_keys: KEYS, blocks_near: NEAREST,
-    disc: DIRECTIONS, first_solid: ti.i32, low: VEC3, cell: ti.f32, open_sky: VOLUME, image: IMAGE, target: IMAGE,
+    normals: IMAGE, keys: KEYS, sun_view: VIEW, sun_lens: VEC3, sun_keys: KEYS,
+    low: VEC3, cell: ti.f32, open_sky: VOLUME, image: IMAGE, target: IMAGE,
 ):
     """image, the opaque picture, with water in front -> target, within the box."""
     for y, x in ti.ndrange((box[1], box[3]), (box[0], box[2])):
@@ -58,42 +58,25 @@ def shade_water(
             room, water = ti.max(depth_of(keys[y, x, 0]) - depth, 0.0) * d.norm(), body[y, x][1]
             free = hanging(room, water, spacing)
             merged = ti.min(0.25 * reach[y, x], 1.0)
-            normal = normals[y, x]
+            normal = rimmed(normals[y, x], body, view, y, x, free, merged)
             through = refracted(
                 image, keys, view, lens, to_sun, p, away, normal, colour, depth, ti.min(room, 1.0), water, free,
                 merged, spacing,
             )
-            through *= 1.0 + (1.0 - free) * merged * (
-                gathered(normals, depths, view, y, x, depth / lens[0], room) - 1.0
-            )
-            if free < 1.0:
-                normal += (1.0 - free) * merged * (rimmed(normal, body, view, y, x) - normal)
-                normal = normal.normalized(1e-12)
+            focus = gathered(normals, depths, view, y, x, depth / lens[0], room)
+            through *= 1.0 + (1.0 - free) * merged * (focus - 1.0)
             cosine = ti.math.clamp(-away.dot(normal), 0.0, 1.0)
             fresnel = 0.02 + 0.98 * (1.0 - cosine) ** 5
             mirror = away + 2.0 * cosine * normal
             sees = 0.25 + 0.75 * sky_seen(open_sky, low, cell, p + cell * normal)
             mirrored_light = mirrored(image, keys, view, lens, p, mirror, spacing, sees * studio(mirror, to_sun))
             half = (to_sun - away).normalized(1e-12)
-            glint = GLINT * ti.max(half.dot(normal), 0.0) ** 400 * ti.min(4.0 * cosine, 1.0)
-            if glint > 0.02:
-                lit = p + 0.002 * to_sun
-                glint *= sun_seen(sun_keys, blocks_near, disc, sun_view, sun_lens, first_solid, lit, dither(y, x))
+            glint = GLINT * (0.3 + 0.7 * merged) * ti.max(half.dot(normal), 0.0) ** (60.0 + 340.0 * merged)
+            glint *= ti.min(4.0 * cosine, 1.0)
+            if glint > 0.02 and not sun_strikes(sun_keys, sun_view, sun_lens, p + spacing * to_sun):
+                glint = 0.0
             colour += alpha * (through + fresnel * (mirrored_light - through) + glint - colour)
         target[y, x] = colour
-
-
-def box_of(x: np.ndarray, view, glass, size, spacing: float) -> np.ndarray:
-    """Pixel box (x0, y0, x1, y1) i32 that holds every particle in front of the eye, with four spacings of margin."""
-    r = (x - view[3]) @ view[:3].T
-    r = r[r[:, 2] > 0.01]
-    if not len(r):
-        return np.zeros(4, np.int32)
-    scale = glass[0] / r[:, 2:]
-    at = glass[1:] + scale * r[:, :2] * np.array([1.0, -1.0], np.float32)
-    margin = 4.0 * spacing * scale + 3.0
-    low, high = np.floor((at - margin).min(axis=0)), np.ceil((at + margin).max(axis=0))
-    return np.concatenate([np.clip(low, 0, size), np.clip(high, 0, size)]).astype(np.int32)
 
 
 class Water:
@@ -118,12 +101,16 @@ class Water:
         buckets = 1 << max(12, math.ceil(math.log2(4 * len(x))))
         if len(self.counts) != buckets:
             self.counts = np.zeros(buckets, np.int32)
-        box = self.box = box_of(x, view, glass, self.size, spacing)
+        box = self.box = box_of(x, view, glass, self.size, 4.0 * spacing)
         splat.crowd(x, mass, spacing, self.counts, company)
         splat.begin(box, self.keys, self.cover, self.thick)
         splat.splat(x, mass, company, spacing, view, glass, facets, self.keys, self.cover, self.thick)
         splat.settle(box, self.keys, company, self.depths, self.reach, spacing, float(glass[0]))
-        splat.smooth_body(box, self.cover, self.thick, self.reach, self.half_body, self.body)
+        splat.smooth_body(
+            box, self.cover, self.thick, self.depths, self.reach, facets, spacing, self.half_body, self.body
+        )
+        splat.vote(box, self.depths, self.spare, self.reach, 3.0 * spacing)
+        self.depths, self.spare = self.spare, self.depths
         for _ in range(SMOOTHING):
             splat.smooth_depth(box, self.depths, self.spare, self.reach, 1, 0, 1.5 * spacing)
             splat.smooth_depth(box, self.spare, self.depths, self.reach, 0, 1, 1.5 * spacing)

@@ -1,7 +1,8 @@
-"""Water alone: at rest, in free flight, breaking a dam, poured and drained; each scene runs once, in its own process."""
+"""Water alone: at rest, in free flight, breaking a dam, poured and drained; a scene runs once, in its own process."""
 
 import numpy as np
 import pytest
+
 from tests.spawned import open_world, spawn
 
 TANK = """
@@ -149,10 +150,10 @@ def test_a_still_tank_keeps_its_water_and_its_density(tank):
     assert tank["density"].max() < 1050.0
 
 
-def test_a_still_tank_calms_down(tank):
+def test_a_still_tank_stays_calm(tank):
     time, speed = tank["speeds"].T
-    assert speed[time > 1.0].mean() < 0.7 * speed[(time > 0.1) & (time < 0.3)].mean()
-    assert speed[time > 1.0].mean() < 0.03
+    assert speed.max() < 0.04
+    assert speed[time > 0.9].mean() < 1.5 * speed[(time > 0.2) & (time < 0.5)].mean()
 
 
 def test_the_floor_carries_the_weight(tank):
@@ -227,7 +228,7 @@ def test_viscosity_is_mutual_galilean_and_ends_with_the_support(drop):
     a, b, _ = drop["term"]["pair"]
     assert np.abs(a).max() > 0.0
     assert np.array_equal(a, -b)
-    assert drop["term"]["boosted"] == pytest.approx(a, rel=1e-4)
+    assert drop["term"]["boosted"] == pytest.approx(a, abs=1e-3 * float(np.abs(a).max()))
     assert not drop["term"]["beyond"].any()
 
 

@@ -22,7 +22,9 @@ class Dfsph:
     """
 
     class Params(Model):
-        density_error: float = quantity(3e-4, ge=1e-5, le=0.05, why="mean of what iteration leaves; at 0.001 a pool simmers")
+        density_error: float = quantity(
+            3e-4, ge=1e-5, le=0.05, why="mean of what iteration leaves; at 0.001 a pool simmers"
+        )
         divergence_error: float = quantity(0.001, ge=1e-5, le=0.05, why="the same of compression within one step")
         iterations_max: int = quantity(100, ge=1, why="a cap; the residual ends it sooner")
         cfl: float = quantity(0.4, gt=0, le=1, why="dt <= cfl spacing / max speed")

@@ -22,7 +22,8 @@ class Walls:
     """Planes, boxes and spheres. A wall is where water at rest stands half a spacing away.
 
     With lambda the share of the kernel at x_i that solids fill, rho_i += rho0 lambda, and the reaction of pressure is
-    the adjoint, a_i = -(p_i/rho_i^2) gradient[i], gradient = rho0 grad lambda (as in Akinci 2012, integrated).
+    the adjoint, a_i = -(p_i/rho_i^2) gradient[i], gradient = rho0 grad lambda (as in Akinci 2012, integrated), so walls
+    pump no energy. lambda is steeper and shorter than a half-space's: see sim.maths.kernels.wall_fit.
     Solids overlap in corners: the share of both is lambda_1 lambda_2 where their faces are at right angles (exact at
     the corner), the smaller of the two where they are parallel, none where they are opposite; linear in the cosine.
     """
