@@ -19,6 +19,7 @@ WINDOW = (4.2, 4.35, 4.5)  # radiance of a window, over the sky's
 SUN_SPREAD = 0.035  # tangent of half the sun's angle: a hazy day
 MAP = 768  # texels a side
 BLOCK = 24  # texels a side of a block whose nearest depth may settle a shadow without sampling it
+MARGIN = 1.25  # over the widest penumbra, searched for blockers: sixteen points leave gaps at the rim
 CELL_COUNT = 44  # of the ambient volume along its longest side
 GLASS_SHADE = 0.45  # of the sun that a solid keeps out
 DISC = np.stack(
@@ -71,17 +72,17 @@ def sun_seen(keys: ti.template(), blocks_near: ti.template(), disc: ti.template(
     """Fraction of the sun seen from p: percentage-closer soft shadows (Fernando 2005) on a fixed disc of 32 points."""
     at = project(view, lens, p)
     seen = 1.0
-    side, blocks = keys.shape[0], blocks_near.shape[0]
+    blocks = blocks_near.shape[0]
     bx, by = ti.cast(at[0] / BLOCK, ti.i32), ti.cast(at[1] / BLOCK, ti.i32)
     if 0 < bx < blocks - 1 and 0 < by < blocks - 1:
         nearest = blocks_near[by, bx]
         if at[2] > nearest:
             texel = at[2] / lens[0]
-            widest = ti.math.clamp((at[2] - nearest) * SUN_SPREAD / texel, 1.0, BLOCK - 2.0)
+            widest = ti.math.clamp((at[2] - nearest) * SUN_SPREAD / texel, 1.0, (BLOCK - 2.0) / MARGIN)
             total, blockers, solid = 0.0, 0, 0
             for k in range(16):
-                px = ti.cast(at[0] + widest * disc[2 * k][0], ti.i32)
-                py = ti.cast(at[1] + widest * disc[2 * k][1], ti.i32)
+                px = ti.cast(at[0] + MARGIN * widest * disc[2 * k][0], ti.i32)
+                py = ti.cast(at[1] + MARGIN * widest * disc[2 * k][1], ti.i32)
                 key = keys[py, px, 0]
                 if depth_of(key) < at[2]:
                     total += depth_of(key)
@@ -93,10 +94,11 @@ def sun_seen(keys: ti.template(), blocks_near: ti.template(), disc: ti.template(
                 reach = (at[2] - total / blockers) * SUN_SPREAD / texel
                 reach = ti.math.clamp(reach, 1.0, widest)
                 dark = 0.0
+                sharp = 1 if reach < 4.0 else 0
                 c, s = ti.cos(6.2831853 * turn), ti.sin(6.2831853 * turn)
                 for k in range(32):
                     u, v = c * disc[k][0] - s * disc[k][1], s * disc[k][0] + c * disc[k][1]
-                    dark += shade(keys, at[0] + reach * u, at[1] + reach * v, at[2], first_solid, side)
+                    dark += shade(keys, at[0] + reach * u, at[1] + reach * v, at[2], first_solid, sharp)
                 seen = 1.0 - dark / 32.0
     return seen
 
@@ -111,17 +113,18 @@ def sun_strikes(keys: ti.template(), view, lens, p):
 
 
 @ti.func
-def shade(keys: ti.template(), u, v, depth, first_solid, side):
-    """Shade at a point of the map, linear between the four texels about it."""
-    x, y = ti.cast(ti.floor(u - 0.5), ti.i32), ti.cast(ti.floor(v - 0.5), ti.i32)
-    fx, fy = u - 0.5 - x, v - 0.5 - y
+def shade(keys: ti.template(), u, v, depth, first_solid, sharp):
+    """Shade at a point of the map: between the four texels about it for a sharp edge, of the texel for a wide one."""
+    side = keys.shape[0]
+    x, y = ti.cast(ti.floor(u - 0.5 * sharp), ti.i32), ti.cast(ti.floor(v - 0.5 * sharp), ti.i32)
+    fx, fy = sharp * (u - 0.5 - x), sharp * (v - 0.5 - y)
     total = 0.0
-    for j in range(2):
-        for i in range(2):
-            key = keys[ti.math.clamp(y + j, 0, side - 1), ti.math.clamp(x + i, 0, side - 1), 0]
-            if depth_of(key) < depth:
-                weight = (fx if i == 1 else 1.0 - fx) * (fy if j == 1 else 1.0 - fy)
-                total += weight * (GLASS_SHADE if raster.index_of(key) >= first_solid else 1.0)
+    for k in range(1 + 3 * sharp):
+        i, j = k % 2, k // 2
+        key = keys[ti.math.clamp(y + j, 0, side - 1), ti.math.clamp(x + i, 0, side - 1), 0]
+        if depth_of(key) < depth:
+            weight = (fx if i == 1 else 1.0 - fx) * (fy if j == 1 else 1.0 - fy)
+            total += weight * (GLASS_SHADE if raster.index_of(key) >= first_solid else 1.0)
     return total
 
 

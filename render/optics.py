@@ -11,7 +11,7 @@ LENS = (0.9, 0.6)  # of a free body's full deflection, alone and merged: its far
 DARK = 0.7  # of the light is lost at the edge of a free body, whose rays go astray
 DEEP = 0.06  # [m]: tint stops growing about here, or a tank would be a block of ink
 SMEAR = 60.0  # [pixels] at most over which a free body's image of what lies far behind is averaged
-ABSORB = (16.0, 4.0, 2.2)  # [1/m]: some forty times pure water, so that centimetres show the faintest blue-green
+ABSORB = (12.0, 3.0, 1.8)  # [1/m]: some thirty times pure water, so that centimetres show the faintest blue-green
 
 
 @ti.func
@@ -27,17 +27,18 @@ def fetch(image: ti.template(), u, v):
 
 @ti.func
 def behind(image: ti.template(), keys: ti.template(), at, straight, nearest, blur):
-    """Opaque colour about the image point `at`, mean of a square of side `blur` [pixels]; `straight` if what stands
-    there is nearer than `nearest` [m]."""
-    ix = ti.math.clamp(ti.cast(at[0], ti.i32), 0, image.shape[1] - 1)
-    iy = ti.math.clamp(ti.cast(at[1], ti.i32), 0, image.shape[0] - 1)
+    """Opaque colour about the image point `at`, mean of a square of side `blur` [pixels]; `straight` if anything that
+    stands there is nearer than `nearest` [m]."""
+    ix = ti.math.clamp(ti.cast(at[0] - 0.5, ti.i32), 0, image.shape[1] - 2)
+    iy = ti.math.clamp(ti.cast(at[1] - 0.5, ti.i32), 0, image.shape[0] - 2)
     side = 4 if blur > 0.5 else 1
     colour = ti.Vector([0.0, 0.0, 0.0])
     for k in range(side * side):
         du, dv = (k % side + 0.5) / side - 0.5, (k // side + 0.5) / side - 0.5
         colour += fetch(image, at[0] + blur * du, at[1] + blur * dv) / (side * side)
-    if depth_of(keys[iy, ix, 0]) < nearest:
-        colour = straight
+    for k in range(16):
+        if depth_of(keys[iy + k // 8, ix + (k // 4) % 2, k % 4]) < nearest:
+            colour = straight
     return colour
 
 
@@ -45,14 +46,15 @@ def behind(image: ti.template(), keys: ti.template(), at, straight, nearest, blu
 def mirrored(image: ti.template(), keys: ti.template(), view, lens, p, direction, spacing, sky_colour):
     """What a mirror ray from p meets on the screen, by steps that grow; the sky if it meets nothing there."""
     colour, along, step = sky_colour, 1.5 * spacing, 1.5 * spacing
+    start, way = view[:3, :] @ (p - row(view, 3)), view[:3, :] @ direction
     for _ in range(18):
-        at = project(view, lens, p + along * direction)
-        x, y = ti.cast(ti.floor(at[0]), ti.i32), ti.cast(ti.floor(at[1]), ti.i32)
-        if at[2] < 0.01 or not (0 <= x < image.shape[1] and 0 <= y < image.shape[0]):
+        q = start + along * way
+        u, v = lens[1] + lens[0] * q[0] / q[2], lens[2] - lens[0] * q[1] / q[2]
+        if q[2] < 0.01 or not (0.0 <= u < image.shape[1] and 0.0 <= v < image.shape[0]):
             break
-        past = at[2] - depth_of(keys[y, x, 0])
+        past = q[2] - depth_of(keys[ti.cast(v, ti.i32), ti.cast(u, ti.i32), 0])
         if 0.0 < past < 1.5 * step + spacing:
-            colour = fetch(image, at[0], at[1])
+            colour = fetch(image, u, v)
             break
         step *= 1.18
         along += step

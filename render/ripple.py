@@ -5,7 +5,7 @@ import taichi as ti
 from render.camera import BOX, VEC3, VIEW, ray, row
 from render.opaque import FACETS, IMAGE
 from render.raster import FAR, KEYS, POINTS
-from render.splat import BODY, DEPTHS, bell
+from render.splat import BODY, DEPTHS, bell, merged_at
 
 BULGE = 0.85  # of a free merged body's normal is taken from its thickness, which is smoother than its near side
 EDGE = 0.6  # coverage at the outline: over 1/2, as blurring cannot fill in beyond the outermost ball
@@ -96,10 +96,10 @@ def shape(
             away, facet = d.normalized(1e-12), facets[v, u]
             bed = ti.Vector([facet[0], facet[1], facet[2]])
             room = ti.max(facet[3] - depth, 0.0) * d.norm()
-            free, merged = hanging(room, body[v, u][1], spacing), ti.min(0.25 * reach[v, u], 1.0)
+            free, merged = hanging(room, body[v, u][1], spacing), merged_at(reach[v, u], depth, spacing, lens[0])
             normal = water_normal(depths, view, lens, v, u, 2.0 * spacing)
             normal += BULGE * free * merged * (body_normal(body, view, away, v, u, depth / lens[0]) - normal)
-            film = 1.0 - ti.math.smoothstep(0.8, 2.2, room * ti.abs(bed.dot(away)) / spacing)
+            film = 1.0 - ti.math.smoothstep(1.2, 3.0, room * ti.abs(bed.dot(away)) / spacing)
             normal += film * merged * (1.0 - free) * (bed - normal)
             i = ti.cast(water[v, u, 0] & 0x7FFFFFFF, ti.i32)
             ball = (row(view, 3) + depth * d - x[i]).normalized(1e-12)

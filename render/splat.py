@@ -16,6 +16,7 @@ FIXED = 4096.0  # units of coverage
 DEPTH_UNIT = 1e-7  # [m] of water
 BULK = 0.95  # radius of a particle among others, in spacings: neighbours merge
 WIDTH = 1.1  # of the blur of depths among company, in spacings
+WIDEST = 24.0  # [pixels] of that blur
 OUTLINE = 0.7  # width of the blur of outlines, in that of depths
 VOTE = 4  # pixels about one that decide which of two layers of water it shows
 FRINGE = 24.0  # spacings before a surface within which a ball shows past the edge of what hides its centre
@@ -109,8 +110,9 @@ def splat(
                         if d_sq < outer * outer:
                             front = at[2] - ti.sqrt(outer * outer - d_sq) + (outer - radius)
                             ti.atomic_min(water[py, px, 0], pack(front, i))
-                            edge = ti.min(0.5 * (outer - ti.sqrt(d_sq)) / (outer - radius), 1.0)
-                            ti.atomic_add(cover[py, px], ti.cast(FIXED * edge, ti.i32))
+                            if cover[py, px] < ti.cast(FIXED, ti.i32):  # what is over 1 is cut: no matter who sees it
+                                edge = ti.min(0.5 * (outer - ti.sqrt(d_sq)) / (outer - radius), 1.0)
+                                ti.atomic_add(cover[py, px], ti.cast(FIXED * edge, ti.i32))
                         q = ti.max(1.0 - d_sq / (spread * spread), 0.0)
                         ti.atomic_add(thick[py, px], ti.cast(peak * q * q, ti.i32))
 
@@ -146,13 +148,19 @@ def bell(k, sigma):
 
 
 @ti.func
+def merged_at(reach, depth, spacing, focal):
+    """0 for a lone particle, 1 for one of a body: the width of its smoothing over the widest at that depth."""
+    return ti.min(1.7 * reach / ti.min(WIDTH * spacing * focal / depth, WIDEST), 1.0)
+
+
+@ti.func
 def width_at(water: ti.template(), company: ti.template(), box, y, x, unit):
     """Width [pixels] over which the water at a pixel is to be smoothed; 0 without water. unit: [m pixels]."""
     width = 0.0
     if box[1] <= y < box[3] and box[0] <= x < box[2]:
         key = water[y, x, 0]
         if depth_of(key) < 1e30:
-            width = ti.min(company[ti.cast(key & 0x7FFFFFFF, ti.i32)] * unit / depth_of(key), 24.0)
+            width = ti.min(company[ti.cast(key & 0x7FFFFFFF, ti.i32)] * unit / depth_of(key), WIDEST)
     return width
 
 

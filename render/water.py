@@ -12,7 +12,7 @@ from render.opaque import IMAGE
 from render.optics import mirrored, refracted
 from render.raster import FAR, KEYS, depth_of
 from render.ripple import coverage, hanging, rimmed
-from render.splat import BODY, DEPTHS
+from render.splat import BODY, DEPTHS, merged_at
 
 GLINT = 9.0  # of the sun in water, over the sun's irradiance
 FOCUS = 0.25  # of (depth x curvature): by how much a curved surface gathers light below it, 1 - 1/INDEX
@@ -57,7 +57,7 @@ def shade_water(
             p, away = row(view, 3) + depth * d, d.normalized(1e-12)
             room, water = ti.max(depth_of(keys[y, x, 0]) - depth, 0.0) * d.norm(), body[y, x][1]
             free = hanging(room, water, spacing)
-            merged = ti.min(0.25 * reach[y, x], 1.0)
+            merged = merged_at(reach[y, x], depth, spacing, lens[0])
             normal = rimmed(normals[y, x], body, view, y, x, free, merged)
             through = refracted(
                 image, keys, view, lens, to_sun, p, away, normal, colour, depth, ti.min(room, 1.0), water, free,

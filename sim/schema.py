@@ -294,7 +294,7 @@ class Coupling(Model):
     contact: str = option("ccd", why="continuous: nothing passes between two steps")
     search: str = option("grid", why="linear in the particles")
     restitution: float = quantity(0.0, ge=0, le=1, why="water does not bounce")
-    friction: float = quantity(0.3, ge=0, why="a real film is thinner than a particle")
+    friction: float = quantity(0.2, ge=0, why="drag of a film on rough cloth, tau = friction rho u^2/2")
     params: Any = derived()
 
 

@@ -58,6 +58,7 @@ ROWS = {
 class State:
     """Fields by row name: `state["fluid.x"]`. `state.count` is the 0-D field of living particles (or None).
 
+    moving: names of the rows that follow particles when they are sorted.
     sizes: entries a group, e.g. {"fluid": capacity, "cloth": node_count, "patch": patch_count}.
     Raises CapacityError if the memory does not hold them.
     """
@@ -72,7 +73,7 @@ class State:
         except RuntimeError as error:
             raise CapacityError(f"state: no memory for {self.sizes}; use a larger spacing") from error
         self.count = ti.field(ti.i32, shape=()) if self.sizes.get("fluid") else None
-        self._moving = [n for n, r in self.rows.items() if n.startswith("fluid.") and r.saved]
+        self.moving = tuple(n for n, r in self.rows.items() if n.startswith("fluid.") and r.saved)
         self._spare = None
 
     def __getitem__(self, name: str):
@@ -87,17 +88,17 @@ class State:
     def permute_fluid(self, order) -> None:
         """new[i] = old[order[i]] for every saved fluid row; order: i32 field, its first `count` entries."""
         if self._spare is None:
-            self._spare = [_allocate(self.rows[n].dtype, self._size(self.rows[n])) for n in self._moving]
+            self._spare = [_allocate(self.rows[n].dtype, self._size(self.rows[n])) for n in self.moving]
         self._permute(order)
 
     @ti.kernel
     def _permute(self, order: ti.template()):
         for i in range(self.count[None]):
-            for k in ti.static(range(len(self._moving))):
-                self._spare[k][i] = self.fields[self._moving[k]][order[i]]
+            for k in ti.static(range(len(self.moving))):
+                self._spare[k][i] = self.fields[self.moving[k]][order[i]]
         for i in range(self.count[None]):
-            for k in ti.static(range(len(self._moving))):
-                self.fields[self._moving[k]][i] = self._spare[k][i]
+            for k in ti.static(range(len(self.moving))):
+                self.fields[self.moving[k]][i] = self._spare[k][i]
 
     def save(self) -> dict[str, np.ndarray]:
         """Every saved row as NumPy; of fluid rows the living entries only."""

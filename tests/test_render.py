@@ -1,29 +1,35 @@
-"""Pictures: geometry, light and water of render.draw; each scene is drawn in a process of its own where it must be."""
+"""Pictures: geometry, light and water of render.draw, drawn in other processes."""
 
+import multiprocessing
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import imageio.v3 as iio
 import numpy as np
 import pytest
 
+from render.draw import Look, draw
 from sim import runtime
 from sim.frame import Frame, Static
 
 ROOT = Path(__file__).parent.parent
 SIZE = (160, 90)
 SPACING = 0.0025
+LIMIT = 120  # [s] for a picture, the first of a size included
+
+
+def far_draw(frame: Frame, look: Look, static: Static) -> np.ndarray:
+    """draw, in the process of the fixture below."""
+    return draw(frame, look, static)
 
 
 @pytest.fixture(scope="module")
 def render():
-    """render.draw, with Taichi running."""
-    if runtime.running() is None:
-        runtime.start(threads=2)
-    from render import draw
-
-    return draw
+    """Look and draw; pictures are drawn in one other process, so that no Taichi runs in this one."""
+    with multiprocessing.get_context("spawn").Pool(1, runtime.start, ("cpu", 2)) as pool:
+        yield SimpleNamespace(Look=Look, draw=lambda *scene: pool.apply_async(far_draw, scene).get(LIMIT))
 
 
 def empty() -> tuple[Frame, Static]:
@@ -126,6 +132,28 @@ def test_water_is_clear_not_teal(render):
     assert np.abs(shift - shift.mean()).max() < 14 and np.abs(shift).max() < 45
 
 
+def test_still_water_mirrors_more_at_a_grazing_angle(render):
+    shine = []
+    for eye in ((0.0, -0.10, 0.5), (0.0, -0.5, 0.10)):
+        frame, static = sheet(1.0, z=0.0)
+        look = render.Look(size=SIZE, eye=eye, target=(0.0, 0.0, 0.01), fov=0.15)
+        dry = render.draw(frame, look, static).astype(float)
+        pour(frame, static, slab(0.10, 0.01, 0.0005))
+        blue = (render.draw(frame, look, static) - dry)[35:55, 60:100, 2]
+        shine.append(blue.mean())
+    assert shine[1] > shine[0] + 20
+
+
+def test_ground_away_from_a_moving_cloth_keeps_its_bits(render):
+    look, pictures = render.Look(size=SIZE), []
+    for lift in (0.0, 0.002):
+        frame, static = sheet(0.0)
+        frame.cloth_x[:, 2] += lift
+        pictures.append(render.draw(frame, look, static))
+    changed = (pictures[0] != pictures[1]).any(axis=2)
+    assert changed.any() and not changed[:, -30:].any() and not changed[:, :10].any()
+
+
 @pytest.mark.parametrize("volume", [1.0, 8.0])
 def test_a_lone_drop_is_as_large_as_its_mass(render, volume):
     frame, static = empty()
@@ -168,7 +196,7 @@ import hashlib, sys
 sys.path[:0] = [{root!r}, {tests!r}]
 from sim import runtime
 runtime.start(threads=int(sys.argv[1]))
-from render import draw, splat, water
+from render import draw, ripple, splat, water
 import test_render as t
 frame, static = t.sheet(0.4)
 if sys.argv[2] == "water":
@@ -176,7 +204,7 @@ if sys.argv[2] == "water":
 look = draw.Look(size=t.SIZE)
 pictures = [draw.draw(frame, look, static).tobytes() for _ in range(2)]
 assert pictures[0] == pictures[1]
-kernels = [k._primal for m in (water, splat) for k in vars(m).values() if hasattr(k, "_primal")]
+kernels = [k._primal for m in (water, ripple, splat) for k in vars(m).values() if hasattr(k, "_primal")]
 print(hashlib.sha256(pictures[0]).hexdigest(), sum(len(k.compiled_kernels) for k in kernels))
 """
 
@@ -197,7 +225,7 @@ def test_cloth_alone_compiles_no_water_kernel():
     assert in_process(1, "cloth")[1] == "0"
 
 
-def test_png_and_film_have_the_very_size(render, tmp_path):
+def test_png_and_film_have_the_very_size(tmp_path):
     from render.film import write_film
     from render.image import write_png
     from sim.errors import ConfigError

@@ -31,7 +31,7 @@ class Xpbd:
     Reads and writes cloth.x [m], cloth.v [m/s]; reads cloth.mass [kg], cloth.inv_mass [1/kg] at each step's start,
     so they may change between steps; gravity does not depend on them, nor do the springs.
 
-    Guests, from build.parts["guests"], take part in every substep. Each has begin(dt), end(dt), called from Python
+    Guests, from build.parts["guests"], take part in every substep. Each names the rows it `reads` and `writes`, and has begin(dt), end(dt), called from Python
     around the kernel, and the @ti.func methods predict(h), project(h), finish(h), called after the sheet's own
     prediction, after its springs and contacts, and after its velocities are known. They see and move the sheet by
     the funcs below: position, start, velocity, weight, shift, push.
@@ -64,7 +64,9 @@ class Xpbd:
 
     def stages(self) -> tuple[Stage, ...]:
         """One: the sheet, and what touches it, over dt."""
-        return (Stage("cloth.xpbd", "cloth", self.run, reads=self.rows, writes=("cloth.x", "cloth.v")),)
+        reads = self.rows + tuple(name for guest in self.guests for name in guest.reads)
+        writes = ("cloth.x", "cloth.v") + tuple(name for guest in self.guests for name in guest.writes)
+        return (Stage("cloth.xpbd", "cloth", self.run, reads=reads, writes=writes),)
 
     def run(self, dt: float) -> None:
         """dt seconds in ceil(dt/substep_max) equal substeps."""

@@ -5,21 +5,16 @@ sequential sweep a substep (Macklin 2019). That alone carries 130:1 of water on 
 water's pressure in a step of its own diverges at every dt (added mass, Guendelman 2005).
 """
 
-import math
-
 import taichi as ti
 
 from sim.cloth.board import private_real
 from sim.maths.facet import plane_gap
+from sim.scene.puddle import TOUCH, film_height
 
 OFFSET = 0.4
 """[dx] Rest gap of a particle over the sheet; less lets the last step act, more floats the water."""
 PUSH_OUT = 0.1
 """[m/s] How fast a particle that starts nearer than that is moved out: at once would be a 9 m/s kick."""
-TOUCH = 0.65
-"""[dx] A particle nearer than this touches: it wets the sheet and feels its friction."""
-THINNEST = 5e-4
-"""[m] Film of a spreading jet; no puddle is taken as thinner, however well the cloth is wetted."""
 REACH = 1.1
 """[dx] Particles nearer than this at the start of a step belong to the layer."""
 
@@ -30,6 +25,12 @@ class Layer:
 
     Within a step it keeps positions in the solver's own precision: a substep's fall is lost in an f32.
     """
+
+    reads = (
+        "fluid.x", "fluid.v", "fluid.mass", "fluid.acceleration", "fluid.pressure_acceleration", "fluid.triangle",
+        "fluid.side",
+    )  # fmt: skip
+    writes = ("fluid.x", "fluid.v", "fluid.triangle", "cloth.push_front", "cloth.push_back")
 
     def __init__(self, build, sheet):
         state, config = build.state, build.config
@@ -193,14 +194,3 @@ class Layer:
         if arriving < -4.0 * PUSH_OUT:
             impulse = ti.max(-self.restitution * arriving - r.dot(n), 0.0) / w * n
         return impulse
-
-
-def film_height(config, dx: float) -> float:
-    """Height of the puddle that a touching particle stands for [m]: 2 l_c sin(theta/2) (de Gennes 1985), at most dx.
-
-    What depends on how water lies on cloth, its friction and the area it wets, then does not depend on dx.
-    """
-    liquid, fabric = config.fluid.liquid, config.cloth.fabric
-    gravity = math.sqrt(sum(g * g for g in config.space.gravity))
-    capillary_length = math.sqrt(liquid.surface_tension / (liquid.rest_density * max(gravity, 1e-9)))
-    return min(dx, max(2.0 * capillary_length * math.sin(0.5 * fabric.contact_angle), THINNEST))

@@ -51,7 +51,7 @@ class Population:
 
     def stages(self) -> tuple[Stage, ...]:
         """Removal, then emission."""
-        return (Stage("source", "source", self.run, self.rows, self.rows),)
+        return (Stage("source", "source", self.run, self.state.moving, self.state.moving),)
 
     def run(self, dt: float) -> None:
         """Take out what left or died, pour what has come by now. CapacityError if someone found no room."""

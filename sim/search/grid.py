@@ -51,7 +51,8 @@ class GridSearch:
 
     def stages(self) -> tuple[Stage, ...]:
         """One stage: sort, then list."""
-        return (Stage("neighbours", "sort", lambda dt: self.build(), ("fluid.x",), ()),)
+        moving = self.state.moving
+        return (Stage("neighbours", "sort", lambda dt: self.build(), moving, moving),)
 
     def build(self) -> None:
         """Sort all saved fluid rows by cell and list the pairs."""

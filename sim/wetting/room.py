@@ -12,7 +12,7 @@ ORDER = ("absorb", "seep", "wick", "drip")
 NEEDS = {"seep": "absorb", "drip": "seep"}
 """A process and what fills what it empties."""
 ROWS = (
-    "fluid.mass", "fluid.mass_units", "fluid.triangle", "fluid.side", "cloth.x", "cloth.v", "cloth.mass",
+    "fluid.x", "fluid.v", "fluid.mass", "fluid.mass_units", "fluid.triangle", "fluid.side", "cloth.x", "cloth.v", "cloth.mass",
     "cloth.inv_mass", "cloth.push_front", "cloth.push_back", "cloth.pressure_front", "cloth.pressure_back",
     "patch.pores", "patch.film",
 )  # fmt: skip

@@ -13,8 +13,8 @@ import taichi as ti
 import taichi.math as tm
 
 from sim.constants import MASS_UNIT
-from sim.coupling.layer import TOUCH, film_height
 from sim.maths.facet import plane_gap
+from sim.scene.puddle import TOUCH, film_height
 
 COVER_ONE = 2**24
 """Fixed point of cover: integers add up the same in any order."""
@@ -57,7 +57,6 @@ class Supply:
                 self.cover[p][f] = 0
                 self.for_pores[p][f] = 0
                 self.for_film[p][f] = 0
-                self.granted[p][f] = 0
         for i in range(self.state_count[None]):
             self.face[i] = -1
             if self.side[i] != 0 and self.units[i] > 0:
@@ -116,6 +115,8 @@ class Supply:
     @ti.kernel
     def transfer(self, dt: float):
         """Take from particles what patches ask, as far as each has it; book it, pores before film."""
+        for p in range(self.water.patch_count):
+            self.granted[p] = ti.Vector([0, 0], ti.i64)
         for i in range(self.state_count[None]):
             face = self.face[i]
             if face >= 0:
