@@ -23,8 +23,15 @@ HOLDERS = (  # column, what a stranger reads, colour; from the bottom of the sta
     ("dried", "dried into the air", "#d9d3b8"),
 )
 STYLE = {
-    "font.size": 10.0, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25,
-    "axes.titlesize": 10.5, "axes.titlelocation": "left", "figure.dpi": 120, "legend.frameon": False,
+    "font.size": 10.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "figure.dpi": 120,
+    "legend.frameon": False,
 }
 
 

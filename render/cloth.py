@@ -18,8 +18,14 @@ UV = ti.types.ndarray(dtype=ti.types.vector(2, ti.f32), ndim=1)
 
 @ti.kernel
 def smooth(
-    x: POINTS, triangles: TRIANGLES, starts: INDICES, around: INDICES, links: PAIRS,
-    points: POINTS, normals: POINTS, wetness: WETNESS,
+    x: POINTS,
+    triangles: TRIANGLES,
+    starts: INDICES,
+    around: INDICES,
+    links: PAIRS,
+    points: POINTS,
+    normals: POINTS,
+    wetness: WETNESS,
 ):
     """Area-weighted normals of nodes, then a point on each edge pulled to the tangent planes of its ends.
 

@@ -73,8 +73,16 @@ class Renderer:
             self._water(frame, float(static.spacing), view, glass, to_sun)
         if self.solids:
             opaque.overlay_walls(
-                view, glass, to_sun, self.solid_box, self.keys, self.fronts, first_solid,
-                self.solid_x, self.solid_triangles, self.image,
+                view,
+                glass,
+                to_sun,
+                self.solid_box,
+                self.keys,
+                self.fronts,
+                first_solid,
+                self.solid_x,
+                self.solid_triangles,
+                self.image,
             )
         image.develop(self.image, image.CURVE, self.pixels)
         return self.pixels.copy()
@@ -116,9 +124,32 @@ class Renderer:
         ground_z = float(static.ground_z) if not math.isnan(float(static.ground_z)) else -1e9
         light = self.light
         opaque.shade_opaque(
-            view, glass, to_sun, look.tile, fade, ground_z, self.keys, self.backs,
-            light.view, light.lens, light.keys, light.nearest, DISC, light.low, light.cell, light.seen, first_solid,
-            *sheet_arrays, colour, hem, self.solid_x, self.solid_triangles, self.image, self.facets, cloth, self.solids,
+            view,
+            glass,
+            to_sun,
+            look.tile,
+            fade,
+            ground_z,
+            self.keys,
+            self.backs,
+            light.view,
+            light.lens,
+            light.keys,
+            light.nearest,
+            DISC,
+            light.low,
+            light.cell,
+            light.seen,
+            first_solid,
+            *sheet_arrays,
+            colour,
+            hem,
+            self.solid_x,
+            self.solid_triangles,
+            self.image,
+            self.facets,
+            cloth,
+            self.solids,
         )
         return first_solid
 
@@ -142,6 +173,23 @@ class Renderer:
         water.surface(frame, spacing, view, glass, self.facets)
         self.spare.copy_from(self.image)
         shade_water(
-            view, glass, to_sun, spacing, water.box, water.depths, water.reach, water.body, water.normals, self.keys,
-            light.view, light.lens, light.keys, light.low, light.cell, light.seen, self.spare, self.image,
+            view,
+            glass,
+            to_sun,
+            spacing,
+            water.box,
+            water.depths,
+            water.reach,
+            water.body,
+            water.normals,
+            self.facets,
+            self.keys,
+            light.view,
+            light.lens,
+            light.keys,
+            light.low,
+            light.cell,
+            light.seen,
+            self.spare,
+            self.image,
         )

@@ -26,8 +26,15 @@ def write_film(path: Path, pictures: Iterable[np.ndarray], size: tuple[int, int]
     part = path.with_name(path.name + ".part.mp4")
     count = 0
     encoder = imageio_ffmpeg.write_frames(
-        str(part), size, fps=fps, codec="libx264", pix_fmt_out="yuv420p", quality=None, macro_block_size=1,
-        output_params=["-crf", str(QUALITY), "-preset", "medium", "-movflags", "+faststart"], ffmpeg_log_level="error",
+        str(part),
+        size,
+        fps=fps,
+        codec="libx264",
+        pix_fmt_out="yuv420p",
+        quality=None,
+        macro_block_size=1,
+        output_params=["-crf", str(QUALITY), "-preset", "medium", "-movflags", "+faststart"],
+        ffmpeg_log_level="error",
     )
     try:
         encoder.send(None)

@@ -49,7 +49,7 @@ def studio(direction, to_sun):
     turn = PANES / 6.2831853 * ti.atan2(direction[1], direction[0]) + 0.2
     across = 0.5 - ti.abs(turn - ti.floor(turn) - 0.5)
     window = ti.math.smoothstep(0.08, 0.16, across)
-    window *= ti.math.smoothstep(0.12, 0.2, up) * ti.math.smoothstep(0.70, 0.45, up)
+    window *= ti.math.smoothstep(0.25, 0.45, up) * ti.math.smoothstep(0.70, 0.45, up)
     return sky(direction) + cloud * ti.Vector([1.5, 1.5, 1.5]) + window * ti.Vector(WINDOW)
 
 

@@ -50,8 +50,17 @@ def bare(keys: ti.template(), backs: ti.template(), y, x, solids: ti.template())
 
 @ti.func
 def cloth_surface(
-    index, d, eye, footprint, x: ti.template(), normals: ti.template(), wetness: ti.template(), uv: ti.template(),
-    triangles: ti.template(), colour, hem,
+    index,
+    d,
+    eye,
+    footprint,
+    x: ti.template(),
+    normals: ti.template(),
+    wetness: ti.template(),
+    uv: ti.template(),
+    triangles: ti.template(),
+    colour,
+    hem,
 ):
     """(normal, albedo, shine in 0..1) where ray d meets a cloth triangle; the sheet's normal, of the face that d meets.
 
@@ -76,6 +85,45 @@ def solid_normal(index, x: ti.template(), triangles: ti.template()):
     corner = triangles[index]
     a = x[corner[0]]
     return (x[corner[1]] - a).cross(x[corner[2]] - a).normalized(1e-20)
+
+
+@ti.func
+def surface(
+    index,
+    p,
+    d,
+    eye,
+    footprint,
+    tile,
+    first_solid,
+    cloth_x: ti.template(),
+    cloth_normals: ti.template(),
+    wetness: ti.template(),
+    uv: ti.template(),
+    cloth_triangles: ti.template(),
+    colour,
+    hem,
+    solid_x: ti.template(),
+    solid_triangles: ti.template(),
+    cloth: ti.template(),
+    solids: ti.template(),
+):
+    """(normal towards the eye, albedo, shine, part of the light that comes through) of what ray d meets at p."""
+    normal, albedo, shine, through = ti.Vector([0.0, 0.0, 1.0]), ti.Vector(CERAMIC), 0.0, 0.0
+    if index == GROUND:
+        albedo = ground_surface(p, d / d.norm(), footprint, tile)
+    if ti.static(cloth):
+        if index < first_solid:
+            normal, albedo, shine = cloth_surface(
+                index, d, eye, footprint, cloth_x, cloth_normals, wetness, uv, cloth_triangles, colour, hem
+            )
+            through = THROUGH
+    if ti.static(solids):
+        if first_solid <= index < GROUND:
+            normal = solid_normal(index - first_solid, solid_x, solid_triangles)
+    if normal.dot(d) > 0.0 and index >= first_solid:
+        normal = -normal
+    return normal, albedo, shine, through
 
 
 @ti.func
@@ -110,12 +158,36 @@ def hazed(colour, distance, fade, away):
 
 @ti.kernel
 def shade_opaque(
-    view: VIEW, lens: VEC3, to_sun: VEC3, tile: ti.f32, fade: ti.f32, ground_z: ti.f32, keys: KEYS, backs: KEYS,
-    sun_view: VIEW, sun_lens: VEC3, sun_keys: KEYS, blocks_near: NEAREST, disc: DIRECTIONS,
-    low: VEC3, cell: ti.f32, seen: VOLUME, first_solid: ti.i32,
-    cloth_x: POINTS, cloth_normals: POINTS, wetness: WETNESS, uv: UV, cloth_triangles: TRIANGLES,
-    colour: VEC3, hem: VEC4, solid_x: POINTS, solid_triangles: TRIANGLES,
-    image: IMAGE, facets: FACETS, cloth: ti.template(), solids: ti.template(),
+    view: VIEW,
+    lens: VEC3,
+    to_sun: VEC3,
+    tile: ti.f32,
+    fade: ti.f32,
+    ground_z: ti.f32,
+    keys: KEYS,
+    backs: KEYS,
+    sun_view: VIEW,
+    sun_lens: VEC3,
+    sun_keys: KEYS,
+    blocks_near: NEAREST,
+    disc: DIRECTIONS,
+    low: VEC3,
+    cell: ti.f32,
+    seen: VOLUME,
+    first_solid: ti.i32,
+    cloth_x: POINTS,
+    cloth_normals: POINTS,
+    wetness: WETNESS,
+    uv: UV,
+    cloth_triangles: TRIANGLES,
+    colour: VEC3,
+    hem: VEC4,
+    solid_x: POINTS,
+    solid_triangles: TRIANGLES,
+    image: IMAGE,
+    facets: FACETS,
+    cloth: ti.template(),
+    solids: ti.template(),
 ):
     """Linear radiance of each pixel without water, and (normal, depth) of the farthest surface in it."""
     eye = row(view, 3)
@@ -133,21 +205,28 @@ def shade_opaque(
             index, depth = index_of(key), depth_of(key)
             group = ti.max(index, first_solid - 1)
             if group != last_group or (index < first_solid and ti.abs(depth - last_depth) > 0.01 * depth):
-                p, away, footprint = eye + depth * d, d / d.norm(), depth / lens[0]
+                p, away = eye + depth * d, d / d.norm()
+                normal, albedo, shine, through = surface(
+                    index,
+                    p,
+                    d,
+                    eye,
+                    depth / lens[0],
+                    tile,
+                    first_solid,
+                    cloth_x,
+                    cloth_normals,
+                    wetness,
+                    uv,
+                    cloth_triangles,
+                    colour,
+                    hem,
+                    solid_x,
+                    solid_triangles,
+                    cloth,
+                    solids,
+                )
                 last = sky(away)
-                normal, albedo, shine, through = ti.Vector([0.0, 0.0, 1.0]), ti.Vector(CERAMIC), 0.0, 0.0
-                if index == GROUND:
-                    albedo = ground_surface(p, away, footprint, tile)
-                if ti.static(cloth):
-                    if index < first_solid:
-                        normal, albedo, shine = cloth_surface(
-                            index, d, eye, footprint, cloth_x, cloth_normals, wetness, uv, cloth_triangles, colour, hem
-                        )
-                        through = THROUGH
-                if ti.static(solids):
-                    if first_solid <= index < GROUND:
-                        normal = solid_normal(index - first_solid, solid_x, solid_triangles)
-                        normal *= -1.0 if normal.dot(away) > 0.0 else 1.0
                 if index != SKY:
                     lifted = p + LIFT * texel * (to_sun + (normal if normal.dot(to_sun) > 0.0 else -normal))
                     sun = sun_seen(sun_keys, blocks_near, disc, sun_view, sun_lens, first_solid, lifted, dither(y, x))
@@ -166,8 +245,16 @@ def shade_opaque(
 
 @ti.kernel
 def overlay_walls(
-    view: VIEW, lens: VEC3, to_sun: VEC3, box: BOX, keys: KEYS, fronts: KEYS, first_solid: ti.i32,
-    solid_x: POINTS, solid_triangles: TRIANGLES, image: IMAGE,
+    view: VIEW,
+    lens: VEC3,
+    to_sun: VEC3,
+    box: BOX,
+    keys: KEYS,
+    fronts: KEYS,
+    first_solid: ti.i32,
+    solid_x: POINTS,
+    solid_triangles: TRIANGLES,
+    image: IMAGE,
 ):
     """Solids in front of what they hold: frosted glass, so that water behind a wall is seen."""
     for y, x in ti.ndrange((box[1], box[3]), (box[0], box[2])):

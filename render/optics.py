@@ -53,7 +53,7 @@ def mirrored(image: ti.template(), keys: ti.template(), view, lens, p, direction
         if q[2] < 0.01 or not (0.0 <= u < image.shape[1] and 0.0 <= v < image.shape[0]):
             break
         past = q[2] - depth_of(keys[ti.cast(v, ti.i32), ti.cast(u, ti.i32), 0])
-        if 0.0 < past < 1.5 * step + spacing:
+        if 0.0 < past < 3.0 * step + 4.0 * spacing:
             colour = fetch(image, u, v)
             break
         step *= 1.18
@@ -74,8 +74,21 @@ def bend(direction, normal, ratio):
 
 @ti.func
 def refracted(
-    image: ti.template(), keys: ti.template(), view, lens, to_sun, p, away, normal, straight, depth, room, water,
-    free, merged, spacing,
+    image: ti.template(),
+    keys: ti.template(),
+    view,
+    lens,
+    to_sun,
+    p,
+    away,
+    normal,
+    straight,
+    depth,
+    room,
+    water,
+    free,
+    merged,
+    spacing,
 ):
     """Radiance that comes through the water at p: bent once onto what it rests on, twice if it hangs free in the air.
 

@@ -97,8 +97,15 @@ def row_span(base, along, down, x0, x1):
 
 @ti.kernel
 def rasterise(
-    x: POINTS, triangles: TRIANGLES, first_id: ti.i32, view: VIEW, lens: VEC3, strips: ti.i32,
-    nearest: KEYS, farthest: KEYS, walls: ti.i32,
+    x: POINTS,
+    triangles: TRIANGLES,
+    first_id: ti.i32,
+    view: VIEW,
+    lens: VEC3,
+    strips: ti.i32,
+    nearest: KEYS,
+    farthest: KEYS,
+    walls: ti.i32,
 ):
     """Nearest fragment of each sample. With `walls`, of front faces only, and the farthest of them as well.
 

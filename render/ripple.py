@@ -78,15 +78,27 @@ def rimmed(normal, body: ti.template(), view, y, x, free, merged):
 
 
 @ti.func
-def hanging(room, water, spacing):
-    """0 for water that rests on the surface behind it, 1 for water free in the air."""
-    return ti.math.smoothstep(3.0, 7.0, (room - water) / spacing)
+def hanging(room, water, slant, spacing):
+    """0 for water that rests on the surface behind it, 1 for water free in the air.
+
+    room: way to that surface [m]; water: water on that way [m]; slant: cosine between that way and its normal.
+    """
+    return ti.math.smoothstep(2.0, 5.0, slant * (room - water) / spacing)
 
 
 @ti.kernel
 def shape(
-    x: POINTS, box: BOX, view: VIEW, lens: VEC3, spacing: ti.f32, water: KEYS, depths: DEPTHS, reach: DEPTHS,
-    body: BODY, facets: FACETS, normals: IMAGE,
+    x: POINTS,
+    box: BOX,
+    view: VIEW,
+    lens: VEC3,
+    spacing: ti.f32,
+    water: KEYS,
+    depths: DEPTHS,
+    reach: DEPTHS,
+    body: BODY,
+    facets: FACETS,
+    normals: IMAGE,
 ):
     """Normal of each water pixel: a ball's when alone, a bulge when free, its bed's when a film, else the slope's."""
     for v, u in ti.ndrange((box[1], box[3]), (box[0], box[2])):
@@ -96,10 +108,11 @@ def shape(
             away, facet = d.normalized(1e-12), facets[v, u]
             bed = ti.Vector([facet[0], facet[1], facet[2]])
             room = ti.max(facet[3] - depth, 0.0) * d.norm()
-            free, merged = hanging(room, body[v, u][1], spacing), merged_at(reach[v, u], depth, spacing, lens[0])
+            slant = ti.abs(bed.dot(away))
+            free, merged = hanging(room, body[v, u][1], slant, spacing), merged_at(reach[v, u], depth, spacing, lens[0])
             normal = water_normal(depths, view, lens, v, u, 2.0 * spacing)
             normal += BULGE * free * merged * (body_normal(body, view, away, v, u, depth / lens[0]) - normal)
-            film = 1.0 - ti.math.smoothstep(1.2, 3.0, room * ti.abs(bed.dot(away)) / spacing)
+            film = 1.0 - ti.math.smoothstep(1.2, 3.0, room * slant / spacing)
             normal += film * merged * (1.0 - free) * (bed - normal)
             i = ti.cast(water[v, u, 0] & 0x7FFFFFFF, ti.i32)
             ball = (row(view, 3) + depth * d - x[i]).normalized(1e-12)
@@ -108,7 +121,13 @@ def shape(
 
 @ti.kernel
 def smooth_normals(
-    source: IMAGE, target: IMAGE, box: BOX, depths: DEPTHS, reach: DEPTHS, step_x: ti.i32, step_y: ti.i32,
+    source: IMAGE,
+    target: IMAGE,
+    box: BOX,
+    depths: DEPTHS,
+    reach: DEPTHS,
+    step_x: ti.i32,
+    step_y: ti.i32,
     band: ti.f32,
 ):
     """One sweep of a Gaussian along a row or column over the water within `band` [m] of depth."""

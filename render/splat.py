@@ -81,8 +81,16 @@ def begin(box: BOX, water: KEYS, cover: LAYER, thick: LAYER):
 
 @ti.kernel
 def splat(
-    x: POINTS, mass: SCALARS, company: SCALARS, spacing: ti.f32, view: VIEW, lens: VEC3,
-    facets: FACETS, water: KEYS, cover: LAYER, thick: LAYER,
+    x: POINTS,
+    mass: SCALARS,
+    company: SCALARS,
+    spacing: ti.f32,
+    view: VIEW,
+    lens: VEC3,
+    facets: FACETS,
+    water: KEYS,
+    cover: LAYER,
+    thick: LAYER,
 ):
     """Add every particle as a ball seen in front of the opaque surfaces.
 
@@ -257,8 +265,15 @@ def known(box, cover: ti.template(), facets: ti.template(), y, x, depth):
 
 @ti.kernel
 def smooth_body(
-    box: BOX, cover: LAYER, thick: LAYER, depths: DEPTHS, reach: DEPTHS, facets: FACETS, spacing: ti.f32,
-    spare: BODY, body: BODY,
+    box: BOX,
+    cover: LAYER,
+    thick: LAYER,
+    depths: DEPTHS,
+    reach: DEPTHS,
+    facets: FACETS,
+    spacing: ti.f32,
+    spare: BODY,
+    body: BODY,
 ):
     """Coverage and thickness blurred along rows, then columns: the outline cover = 1/2 loses its particles' bumps."""
     for y, x in ti.ndrange((box[1], box[3]), (box[0], box[2])):

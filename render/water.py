@@ -8,7 +8,7 @@ import taichi as ti
 from render import ripple, splat
 from render.camera import BOX, VEC3, VIEW, box_of, ray, row
 from render.light import VOLUME, sky_seen, studio, sun_strikes
-from render.opaque import IMAGE
+from render.opaque import FACETS, IMAGE
 from render.optics import mirrored, refracted
 from render.raster import FAR, KEYS, depth_of
 from render.ripple import coverage, hanging, rimmed
@@ -43,9 +43,25 @@ def gathered(normals: ti.template(), depths: ti.template(), view, y, x, texel, r
 
 @ti.kernel
 def shade_water(
-    view: VIEW, lens: VEC3, to_sun: VEC3, spacing: ti.f32, box: BOX, depths: DEPTHS, reach: DEPTHS, body: BODY,
-    normals: IMAGE, keys: KEYS, sun_view: VIEW, sun_lens: VEC3, sun_keys: KEYS,
-    low: VEC3, cell: ti.f32, open_sky: VOLUME, image: IMAGE, target: IMAGE,
+    view: VIEW,
+    lens: VEC3,
+    to_sun: VEC3,
+    spacing: ti.f32,
+    box: BOX,
+    depths: DEPTHS,
+    reach: DEPTHS,
+    body: BODY,
+    normals: IMAGE,
+    facets: FACETS,
+    keys: KEYS,
+    sun_view: VIEW,
+    sun_lens: VEC3,
+    sun_keys: KEYS,
+    low: VEC3,
+    cell: ti.f32,
+    open_sky: VOLUME,
+    image: IMAGE,
+    target: IMAGE,
 ):
     """image, the opaque picture, with water in front -> target, within the box."""
     for y, x in ti.ndrange((box[1], box[3]), (box[0], box[2])):
@@ -56,12 +72,27 @@ def shade_water(
             d = ray(view, lens, x + 0.5, y + 0.5)
             p, away = row(view, 3) + depth * d, d.normalized(1e-12)
             room, water = ti.max(depth_of(keys[y, x, 0]) - depth, 0.0) * d.norm(), body[y, x][1]
-            free = hanging(room, water, spacing)
+            facet = facets[y, x]
+            slant = ti.abs(away.dot(ti.Vector([facet[0], facet[1], facet[2]])))
+            free = hanging(room, water, slant, spacing)
             merged = merged_at(reach[y, x], depth, spacing, lens[0])
             normal = rimmed(normals[y, x], body, view, y, x, free, merged)
             through = refracted(
-                image, keys, view, lens, to_sun, p, away, normal, colour, depth, ti.min(room, 1.0), water, free,
-                merged, spacing,
+                image,
+                keys,
+                view,
+                lens,
+                to_sun,
+                p,
+                away,
+                normal,
+                colour,
+                depth,
+                ti.min(room, 1.0),
+                water,
+                free,
+                merged,
+                spacing,
             )
             focus = gathered(normals, depths, view, y, x, depth / lens[0], room)
             through *= 1.0 + (1.0 - free) * merged * (focus - 1.0)
@@ -114,9 +145,7 @@ class Water:
         for _ in range(SMOOTHING):
             splat.smooth_depth(box, self.depths, self.spare, self.reach, 1, 0, 1.5 * spacing)
             splat.smooth_depth(box, self.spare, self.depths, self.reach, 0, 1, 1.5 * spacing)
-        ripple.shape(
-            x, box, view, glass, spacing, self.keys, self.depths, self.reach, self.body, facets, self.normals
-        )
+        ripple.shape(x, box, view, glass, spacing, self.keys, self.depths, self.reach, self.body, facets, self.normals)
         for step in ((1, 0), (0, 1)):
             source, target = (self.normals, self.half_normals)[:: 1 if step[0] else -1]
             ripple.smooth_normals(source, target, box, self.depths, self.reach, *step, 2.0 * spacing)

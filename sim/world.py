@@ -265,9 +265,7 @@ class World:
         }
 
 
-
-
 def linear_rgb(colour: str) -> np.ndarray:
-    """"#rrggbb" in sRGB -> (3,) f32, linear 0..1 (IEC 61966-2-1)."""
+    """ "#rrggbb" in sRGB -> (3,) f32, linear 0..1 (IEC 61966-2-1)."""
     encoded = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)

@@ -43,7 +43,9 @@ def _check(scene: str, frames: int) -> list[str]:
         runs = [_under(world, stage, kept, count, filling, dt) for filling in FILLINGS]
         broken += [f"{stage.name} changes {name}" for _, touched in runs for name in touched]
         one, two = (writes for writes, _ in runs)
-        broken += [f"{stage.name} reads something undeclared into {n}" for n in one if not np.array_equal(one[n], two[n])]
+        broken += [
+            f"{stage.name} reads something undeclared into {n}" for n in one if not np.array_equal(one[n], two[n])
+        ]
         _set(world, kept)
         if world.state.count is not None:
             world.state.count[None] = count

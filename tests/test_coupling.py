@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from tests.spawned import open_world, spawn
 
 FREE_FLIGHT = """
@@ -89,7 +90,12 @@ def _free_flight(path: str) -> dict:
         world.advance()
         seen.append(_momentum(world))
     masses = world.masses()
-    return {"momentum": np.array(seen), "held": masses.held, "error": masses.error(), **world.build.parts["contact"].counts()}
+    return {
+        "momentum": np.array(seen),
+        "held": masses.held,
+        "error": masses.error(),
+        **world.build.parts["contact"].counts(),
+    }
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ import pytest
 from tests.spawned import open_world, spawn
 
 ROOT = Path(__file__).resolve().parents[1]
-FRAMES = 8
+FRAMES = 6
 """Of the quick run at 10 fps: water has come through by then."""
 
 
@@ -95,7 +95,9 @@ def test_a_killed_run_on_one_thread_ends_with_the_bits_of_an_unbroken_one_on_two
         time.sleep(0.1)
     killed.send_signal(signal.SIGKILL)
     assert killed.wait() == -signal.SIGKILL, killed.stderr.read().decode()
-    done = subprocess.run(_command("--out", str(out), "--threads", "1", "--resume"), cwd=ROOT, capture_output=True, text=True)
+    done = subprocess.run(
+        _command("--out", str(out), "--threads", "1", "--resume"), cwd=ROOT, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     summary, whole = json.loads((out / "run.json").read_text()), spawn(_unbroken)
     assert summary["state_hash"] == whole["hash"]

@@ -137,7 +137,9 @@ class Layer:
                     v_sheet += b[k] * self.cloth.velocity(corner[k])
                 impulse = self._rub(v - v_sheet, n, h, self.weight[s], self._effective(s))
                 if ti.static(self.restitution > 0.0):
-                    impulse += self._bounce(v - v_sheet, (v_free - v_sheet).dot(n), n, self._effective(s)) * (self.push[s] > 0.0)
+                    impulse += self._bounce(v - v_sheet, (v_free - v_sheet).dot(n), n, self._effective(s)) * (
+                        self.push[s] > 0.0
+                    )
                 for k in range(3):
                     self.cloth.push(corner[k], -self.cloth.weight(corner[k]) * b[k] * impulse)
                 v += self.weight[s] * impulse
@@ -181,7 +183,7 @@ class Layer:
 
     @ti.func
     def _rub(self, r, n, h, w_point, w):
-        """Drag of the film on the sheet, implicit: dr/dt = -(3 nu/d^2 + friction |r|/(2 d)) r along the surface [N s]."""
+        """Impulse of the film's drag, implicit: dr/dt = -(3 nu/d^2 + friction |r|/(2 d)) r along the surface [N s]."""
         tangent = r - r.dot(n) * n
         rate = self.viscous_rate + self.rough_rate * tangent.norm()
         k = h * rate * w / w_point

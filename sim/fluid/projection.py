@@ -42,7 +42,9 @@ class Projection:
         left = worst = float("inf")
         while (left > tolerance or worst > WORST) and iteration < iterations_max:
             self._push(dt, self.pairs.neighbour, self.pairs.gradient)
-            left, turned, worst = self._relax(kappa, dt, correct, age / (age + 3.0), self.pairs.neighbour, self.pairs.gradient)
+            left, turned, worst = self._relax(
+                kappa, dt, correct, age / (age + 3.0), self.pairs.neighbour, self.pairs.gradient
+            )
             age = 0 if turned > 0.0 else age + 1
             iteration += 1
         return iteration

@@ -43,12 +43,10 @@ class Absorb:
         for p in range(self.water.patch_count):
             front, back = self.water.pressures(p)
             s = self.water.saturation(p)
-            pressure = ti.Vector([front, back])
+            pressure, wanted = ti.Vector([front, back]), ti.Vector([0.0, 0.0])
             for f in ti.static(range(2)):
                 s_inf = 1.0 + pressure[f] / self.suction
-                gain = ti.min(1.0 - s, (s_inf - s) * fill)
-                if gain > 0.0:
-                    wanted = self.supply.covered(p, f) * gain * 0.5
-                    if self.supply.cover[p][1 - f] == 0:
-                        wanted *= 2.0
-                    self.supply.for_pores[p][f] = ti.cast(wanted * self.water.capacity_real, ti.i64)
+                wanted[f] = self.supply.covered(p, f) * ti.max((s_inf - s) * fill, 0.0)
+            wanted *= ti.min(1.0, (1.0 - s) / ti.max(wanted.sum(), 1e-12))
+            for f in ti.static(range(2)):
+                self.supply.for_pores[p][f] = ti.cast(wanted[f] * self.water.capacity_real, ti.i64)

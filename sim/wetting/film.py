@@ -96,7 +96,7 @@ class Film:
 
 
 def lay_sites(water, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """(site patch of each patch (p,), the site patches (s,)): a square lattice about `width` [m] apart, hems included."""
+    """(site of each patch (p,), the sites (s,)), as patches: a square lattice `width` [m] apart, hems included."""
 
     def stops(patches: int) -> np.ndarray:
         count = max(2, round((patches - 1) * water.spacing / width) + 1) if patches > 1 else 1

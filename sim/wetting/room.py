@@ -12,18 +12,20 @@ ORDER = ("absorb", "seep", "wick", "drip")
 NEEDS = {"seep": "absorb", "drip": "seep"}
 """A process and what fills what it empties."""
 ROWS = (
-    "fluid.x", "fluid.v", "fluid.mass", "fluid.mass_units", "fluid.triangle", "fluid.side", "cloth.x", "cloth.v", "cloth.mass",
-    "cloth.inv_mass", "cloth.push_front", "cloth.push_back", "cloth.pressure_front", "cloth.pressure_back",
-    "patch.pores", "patch.film",
+    "fluid.x", "fluid.v", "fluid.mass", "fluid.mass_units", "fluid.triangle", "fluid.side", "cloth.x", "cloth.v",
+    "cloth.mass", "cloth.inv_mass", "cloth.push_front", "cloth.push_back", "cloth.pressure_front",
+    "cloth.pressure_back", "patch.pores", "patch.film",
 )  # fmt: skip
 
 
 def chosen(config) -> list[type]:
-    """The classes of the scene's processes, in order. ConfigError where one lacks another that it needs."""
+    """The classes of the scene's processes, in order. ConfigError where one lacks what it needs."""
     names = config.wetting.processes
     for name in names:
         if name in NEEDS and NEEDS[name] not in names:
             raise ConfigError(f"wetting.processes: {name} needs {NEEDS[name]}")
+    if "drip" in names and not any(config.space.gravity):
+        raise ConfigError("wetting.processes: drip needs gravity; without it no drop falls off")
     return [method("wetting", name) for name in ORDER if name in names]
 
 
@@ -32,7 +34,9 @@ def build_wetting(build: Build) -> list[Stage]:
     water = build.parts["cloth_water"] = ClothWater(build)
     classes = chosen(build.config)
     takes = any(cls.name in ("absorb", "seep") for cls in classes)
-    stages = [Stage("wetting.begin", "wet", water.begin, reads=ROWS, writes=("cloth.pressure_front", "cloth.pressure_back"))]
+    stages = [
+        Stage("wetting.begin", "wet", water.begin, reads=ROWS, writes=("cloth.pressure_front", "cloth.pressure_back"))
+    ]
     if takes:
         supply = build.parts["supply"] = Supply(build, water)
         stages.append(Stage("wetting.touch", "wet", supply.begin, reads=ROWS))

@@ -82,5 +82,3 @@ def threshold(fabric, liquid, gravity: float) -> float:
         return 0.0
     capillary_length = math.sqrt(liquid.surface_tension / (liquid.rest_density * gravity))
     return 2.0 * liquid.surface_tension / capillary_length
-
-
