@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -73,10 +75,10 @@ def run(
         folder = runs.RunFolder(where.path)
         print(f"{folder.label}: finished already")
     else:
-        world = _world(config)
-        drawn = None if no_render else _draw_to_png(config)
-        with _progress("simulating", world.frame_count) as reach:
-            folder = runs.drive(world, config, where, _each(drawn, reach))
+        with nullcontext() if no_render else _artist(config) as draw:
+            world = _world(config)
+            with _progress("simulating", world.frame_count) as reach:
+                folder = runs.drive(world, config, where, _each(draw, reach))
         print(f"{folder.label}: {world.frame_count} frames, ledger {folder.ledger}")
         print(f"{folder.label}: {_cost(folder.record())}")
     if not no_render and not (where.finished and folder.video.exists()):
@@ -183,25 +185,48 @@ def _look(config):
     return Look(size=r.size, eye=r.camera.eye, target=r.camera.target, fov=r.camera.fov, light=r.light.direction)
 
 
-def _draw_to_png(config) -> Callable:
-    """on_frame of a run: each frame drawn and written as it comes."""
+@contextmanager
+def _artist(config) -> Iterator[Callable]:
+    """on_frame of a run: a process of its own draws frames while the next are simulated; done when all are drawn."""
+    context = multiprocessing.get_context("spawn")
+    orders = context.Queue()
+    settings = (config.run.arch, 1 if config.run.arch == "cpu" else None, config.run.precision)
+    artist = context.Process(target=_draw_orders, args=(orders, _look(config), settings, os.getpid()), daemon=True)
+    artist.start()
+    try:
+        yield lambda folder, index: orders.put((folder.static, folder.frame(index), folder.image(index)))
+        orders.put(None)
+        artist.join()
+    finally:
+        artist.terminate()
+
+
+def _draw_orders(orders, look, settings: tuple, parent: int) -> None:
+    """The artist's process: draw what is ordered until None comes, or the parent is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    from queue import Empty
+
     from render import draw, image
-    from sim import frame
+    from sim import frame, runtime
 
-    look, static = _look(config), []
+    runtime.start(*settings)
+    static = None
+    while os.getppid() == parent:
+        try:
+            order = orders.get(timeout=1.0)
+        except Empty:
+            continue
+        if order is None:
+            break
+        static = static or frame.read(order[0], frame.Static)
+        image.write_png(order[2], draw.draw(frame.read(order[1]), look, static))
+    runtime.stop()
 
-    def drawn(folder, index, snapshot):
-        if not static:
-            static.append(frame.read(folder.static, frame.Static))
-        image.write_png(folder.image(index), draw.draw(snapshot, look, static[0]))
 
-    return drawn
-
-
-def _each(drawn: Callable | None, reach: Callable[[int], None]) -> Callable:
+def _each(draw: Callable | None, reach: Callable[[int], None]) -> Callable:
     def each(folder, index, snapshot):
-        if drawn:
-            drawn(folder, index, snapshot)
+        if draw:
+            draw(folder, index)
         reach(index)
 
     return each
@@ -272,6 +297,15 @@ def main(arguments: list[str] | None = None) -> int:
         return _fail("out of memory; use a larger spacing", 4)
     except OSError as error:
         return _fail(f"{error.filename or 'disk'}: {error.strerror or error}", 4)
+    finally:
+        _finish()
+
+
+def _finish() -> None:
+    """Keep what was compiled for the next start."""
+    runtime = sys.modules.get("sim.runtime")
+    if runtime:
+        runtime.stop()
 
 
 def _fail(line: str, code: int) -> int:

@@ -85,7 +85,8 @@ def _stack(axes, table: dict[str, np.ndarray]) -> None:
     """Masses in grams, stacked, under the line of what was emitted: the stack fills it exactly."""
     shown = [h for h in HOLDERS if np.nanmax(np.nan_to_num(table[h[0]])) > 0.0]
     grams = [1e3 * np.nan_to_num(table[name]) for name, _, _ in shown]
-    axes.stackplot(table["time"], grams, labels=[h[1] for h in shown], colors=[h[2] for h in shown], linewidth=0)
+    if shown:
+        axes.stackplot(table["time"], grams, labels=[h[1] for h in shown], colors=[h[2] for h in shown], linewidth=0)
     axes.plot(table["time"], 1e3 * table["emitted"], color="#222222", linewidth=1.2, label="emitted so far")
     worst, leaks = np.nanmax(np.abs(table["mass_error"]), initial=0.0), np.nansum(table["leaks"][-1:])
     axes.set_title(f"Where the water is   (mass error at most {worst:.1e}, leaks {leaks:.0f})")

@@ -31,10 +31,10 @@ class Xpbd:
     Reads and writes cloth.x [m], cloth.v [m/s]; reads cloth.mass [kg], cloth.inv_mass [1/kg] at each step's start,
     so they may change between steps; gravity does not depend on them, nor do the springs.
 
-    Guests, from build.parts["guests"], take part in every substep. Each names the rows it `reads` and `writes`, and has
-    begin(dt), end(dt), called from Python around the kernel, and the @ti.func methods predict(h), project(h), finish(h),
-    called after the sheet's own prediction, after its springs and contacts, and after its velocities are known. They
-    see and move the sheet by the funcs below: position, start, velocity, weight, shift, push.
+    Guests, from build.parts["guests"], take part in every substep. Each names the rows it `reads` and `writes`, and
+    has begin(dt), end(dt), called from Python around the kernel, and the @ti.func methods predict(h), project(h) and
+    finish(h), called after the sheet's own prediction, after its springs and contacts, and after its velocities are
+    known. They see and move the sheet by the funcs below: position, start, velocity, weight, shift, push.
     """
 
     class Params(Model):

@@ -3,6 +3,7 @@
 import taichi as ti
 import taichi.math as tm
 
+from sim import runtime
 from sim.maths.ccd import first_hit
 
 PASSES = 8
@@ -25,6 +26,7 @@ class Catch:
         self.sheet, self.boxes = sheet, boxes
         self.clearance = CLEARANCE * build.config.fluid.spacing
         capacity = state.sizes["fluid"]
+        self.few = runtime.few(capacity)
         self.x0 = ti.Vector.field(3, float, shape=capacity)
         self.crossed = ti.field(ti.i32, shape=capacity)
         self.acts = ti.field(ti.i32, shape=())
@@ -33,6 +35,7 @@ class Catch:
     @ti.kernel
     def begin(self):
         """Remember where each particle stands at the start of the step."""
+        ti.loop_config(serialize=self.few)
         for i in range(self.state_count[None]):
             self.x0[i] = self.x[i]
 
@@ -80,17 +83,15 @@ class Catch:
             if self.crossed[i] >= 0:
                 self.acts[None] += 1
                 solved = False
-                for _ in range(PASSES):
+                for attempt in range(PASSES + 1):
                     if not solved:
                         t, w = self.first_crossing(self.x0[i], self.x[i])
                         if t < 0:
                             solved = True
-                        else:
+                        elif attempt < PASSES:
                             self._place(i, t, w)
-                if not solved:
-                    t, w = self.first_crossing(self.x0[i], self.x[i])
-                    if t >= 0:
-                        self.leaks[None] += 1
+                        else:
+                            self.leaks[None] += 1
 
     @ti.func
     def _place(self, i, t, b):

@@ -7,6 +7,7 @@ water's pressure in a step of its own diverges at every dt (added mass, Guendelm
 
 import taichi as ti
 
+from sim import runtime
 from sim.cloth.board import private_real
 from sim.maths.facet import plane_gap
 from sim.scene.puddle import TOUCH, film_height
@@ -49,6 +50,7 @@ class Layer:
         capacity = state.sizes["fluid"]
         self.count, self.touched = ti.field(ti.i32, shape=()), ti.field(ti.i32, shape=())
         self.elapsed = ti.field(self.real, shape=())
+        self.few = runtime.few(capacity)
         self.rubs = ti.field(ti.i32, shape=capacity)
         self.row, self.at = ti.field(ti.i32, shape=capacity), ti.field(ti.i32, shape=capacity)
         self.weight, self.face, self.gap, self.push = (ti.field(self.real, shape=capacity) for _ in range(4))
@@ -64,6 +66,7 @@ class Layer:
     @ti.kernel
     def begin(self, dt: float):
         """Take the layer out of the water: undo this step's acceleration, which the substeps give in parts."""
+        ti.loop_config(serialize=self.few)
         for n in self.push_front:
             self.push_front[n] = 0.0
             self.push_back[n] = 0.0
@@ -87,6 +90,7 @@ class Layer:
     @ti.kernel
     def end(self, dt: float):
         """Put it back so that `x += dt v` of the mover ends where the substeps ended, pressure's change added."""
+        ti.loop_config(serialize=self.few)
         for s in range(self.count[None]):
             i = self.row[s]
             self.x[i] = ti.cast(self.place[s] - dt * self.speed[s], float)

@@ -4,6 +4,8 @@ import numpy as np
 import taichi as ti
 import taichi.math as tm
 
+from sim import runtime
+
 
 @ti.data_oriented
 class SheetGeometry:
@@ -23,6 +25,7 @@ class SheetGeometry:
         node_count, self.patch_count = len(sheet.x), len(sheet.patches)
         self.x0 = ti.Vector.field(3, float, shape=node_count)
         self.normal = ti.Vector.field(3, float, shape=node_count)
+        self.few = runtime.few(8 * node_count)
         self.corner = _ivec3_field(triangles)
         self.beside = _ivec3_field(neighbours(triangles))
         self.low = ti.Vector.field(3, float, shape=self.patch_count)
@@ -38,6 +41,7 @@ class SheetGeometry:
     @ti.kernel
     def begin(self, reach: float):
         """Remember where the sheet stands, its node normals, and patch boxes grown by `reach` [m]."""
+        ti.loop_config(serialize=self.few)
         for n in self.x:
             self.x0[n] = self.x[n]
             normal = tm.vec3(0.0)
@@ -45,6 +49,7 @@ class SheetGeometry:
                 a, b, c = self.points(self.around[s])
                 normal += (b - a).cross(c - a)
             self.normal[n] = normal.normalized(1e-30)
+        ti.loop_config(serialize=self.few)
         for p in range(self.patch_count):
             low, high = self.box(p, self.x)
             self.low[p] = low - reach
@@ -53,6 +58,7 @@ class SheetGeometry:
     @ti.kernel
     def bound_sweep(self, reach: float):
         """Boxes of each patch on its way from x0 to x, grown by `reach` [m]."""
+        ti.loop_config(serialize=self.few)
         for p in range(self.patch_count):
             low0, high0 = self.box(p, self.x0)
             low1, high1 = self.box(p, self.x)

@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from sim import runtime
 from sim.fluid.motion import Motion
 from sim.fluid.projection import Projection
 from sim.registry import register
@@ -50,6 +51,7 @@ class Dfsph:
         self.rest_density = build.config.fluid.liquid.rest_density
         self.motion = Motion(build, terms, params.cfl)
         self.projection = Projection(self)
+        self.few = runtime.few(build.state.sizes["fluid"])
         self.iterations = {"density": 0, "divergence": 0}
         build.parts["pressure"] = self
 
@@ -99,12 +101,14 @@ class Dfsph:
 
     @ti.kernel
     def _take(self):
+        ti.loop_config(serialize=self.few)
         for i in range(self.state.count[None]):
             self.v[i] = self.u[i]
 
     @ti.kernel
     def _finish(self, dt: float):
         """v from the solve; walls rub where they pushed."""
+        ti.loop_config(serialize=self.few)
         for i in range(self.state.count[None]):
             u = self.u[i]
             self.pressure_acceleration[i] = (u - self.v[i]) / dt

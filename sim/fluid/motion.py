@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from sim import runtime
 from sim.stage import Build, Limit, Stage
 
 
@@ -21,6 +22,7 @@ class Motion:
         self.state, self.pairs, self.walls, self.terms = build.state, build.parts["pairs"], build.parts["walls"], terms
         self.x, self.v, self.acceleration = (build.state[name] for name in self.rows)
         self.gravity = ti.Vector([float(g) for g in build.config.space.gravity])
+        self.few = runtime.few(build.state.sizes["fluid"])
         self.reach = cfl * build.config.fluid.spacing
 
     def stages(self) -> tuple[Stage, ...]:
@@ -56,6 +58,7 @@ class Motion:
                     for term in ti.static(self.terms):
                         a += term.acceleration(i, j, x - self.x[j], gradient[k])
             self.acceleration[i] = a
+        ti.loop_config(serialize=self.few)
         for i in range(self.state.count[None]):
             self.v[i] += dt * self.acceleration[i]
 
@@ -67,6 +70,7 @@ class Motion:
     @ti.kernel
     def _fastest(self) -> float:
         fastest = 0.0
+        ti.loop_config(serialize=self.few)
         for i in range(self.state.count[None]):
             ti.atomic_max(fastest, self.v[i].norm_sqr())
         return ti.sqrt(fastest)

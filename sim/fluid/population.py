@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from sim import runtime
 from sim.constants import MASS_UNIT
 from sim.errors import CapacityError
 from sim.fluid.streams import Streams
@@ -47,6 +48,7 @@ class Population:
         self.streams = Streams(self.water, build.config.run.seed, build.config.fluid.spacing)
         self.low = ti.Vector([float(a) for a in build.config.space.low])
         self.high = ti.Vector([float(a) for a in build.config.space.high])
+        self.few = runtime.few(self.capacity)
         build.parts["population"] = self
 
     def stages(self) -> tuple[Stage, ...]:
@@ -127,6 +129,7 @@ class Population:
     def _leave(self) -> ti.i32:
         """Book what left as drained; returns how many rows are dead."""
         dead = 0
+        ti.loop_config(serialize=self.few)
         for i in range(self.state.count[None]):
             if self._gone(self.x[i]):
                 ti.atomic_add(self.drained[0], self.units[i])

@@ -2,7 +2,9 @@
 
 import taichi as ti
 
+from sim import runtime
 from sim.maths.kernels import largest_eigenvalue
+from sim.runtime import TURNS
 
 BLOCK = 1024
 """Particles in one partial sum. Sums over blocks in order, then over the blocks in order, have the same bits on any
@@ -31,6 +33,7 @@ class Projection:
         self.pairs = owner.pairs
         capacity = owner.state.sizes["fluid"]
         self.relaxation = SAFETY * 2.0 / largest_eigenvalue(self.pairs.kernel, owner.support)
+        self.few = runtime.few(capacity)
         self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-capacity // BLOCK), 1))
 
     def solve(self, kappa, dt: float, tolerance: float, iterations_max: int, correct: float) -> int:
@@ -51,6 +54,7 @@ class Projection:
 
     @ti.kernel
     def _begin(self, kappa: ti.template()):
+        ti.loop_config(serialize=self.few)
         for i in range(self.o.state.count[None]):
             self.o.guess[i] = kappa[i]
 
@@ -77,18 +81,9 @@ class Projection:
         """One step of kappa. Of |change of density in dt| that it still corrects over rho0: the mean, and last the
         largest; between them the mean of momentum's turn."""
         count = self.o.state.count[None]
-        ti.loop_config(block_dim=1)
-        for block in range((count + BLOCK - 1) // BLOCK):
-            total, worst = ti.Vector([0.0, 0.0]), 0.0
-            for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
-                u = self.o.u[i]
-                rate = u.dot(self.o.walls.gradient[i])
-                for k in range(self.pairs.start[i], self.pairs.stop[i]):
-                    rate += (u - self.o.u[neighbour[k]]).dot(gradient[k])
-                one = self._step(kappa, i, rate, dt, correct, momentum)
-                total += one
-                worst = ti.max(worst, one[0])
-            self.partial[block] = ti.Vector([total[0], total[1], worst])
+        for turn in range((count + BLOCK - 1) // BLOCK * TURNS):
+            if turn % TURNS == 0:
+                self._relax_block(kappa, turn // TURNS, dt, correct, momentum, neighbour, gradient)
         left, worst = ti.Vector([0.0, 0.0], ti.f64), ti.f64(0.0)
         ti.loop_config(serialize=True)
         for block in range((count + BLOCK - 1) // BLOCK):
@@ -96,6 +91,29 @@ class Projection:
             worst = ti.max(worst, self.partial[block][2])
         left /= ti.max(count, 1)
         return ti.Vector([left[0], left[1], worst])
+
+    @ti.func
+    def _relax_block(
+        self,
+        kappa: ti.template(),
+        block,
+        dt,
+        correct,
+        momentum,
+        neighbour: ti.template(),
+        gradient: ti.template(),
+    ):
+        count = self.o.state.count[None]
+        total, worst = ti.Vector([0.0, 0.0]), 0.0
+        for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
+            u = self.o.u[i]
+            rate = u.dot(self.o.walls.gradient[i])
+            for k in range(self.pairs.start[i], self.pairs.stop[i]):
+                rate += (u - self.o.u[neighbour[k]]).dot(gradient[k])
+            one = self._step(kappa, i, rate, dt, correct, momentum)
+            total += one
+            worst = ti.max(worst, one[0])
+        self.partial[block] = ti.Vector([total[0], total[1], worst])
 
     @ti.func
     def _step(self, kappa: ti.template(), i, rate, dt, correct, momentum):

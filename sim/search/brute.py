@@ -3,6 +3,7 @@
 import taichi as ti
 
 from sim.registry import register
+from sim.runtime import TURNS
 from sim.schema import Model
 from sim.search.pair_list import BLOCK, PairList, first_room
 from sim.stage import Build, Stage
@@ -44,19 +45,24 @@ class BruteSearch:
         """List block by block; returns the entries that the fullest block wants."""
         wanted = 0
         count = self.state.count[None]
-        ti.loop_config(block_dim=1)
-        for block in range((count + BLOCK - 1) // BLOCK):
-            begin = block * BLOCK * room
-            cursor = begin
-            for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
-                self.list.start[i] = ti.min(cursor, begin + BLOCK * room)
-                x = self.x[i]
-                for j in range(count):
-                    r = x - self.x[j]
-                    if r.dot(r) < self.support_radius * self.support_radius and j != i:
-                        if cursor < begin + BLOCK * room:
-                            neighbour[cursor] = j
-                        cursor += 1
-                self.list.stop[i] = ti.min(cursor, begin + BLOCK * room)
-            ti.atomic_max(wanted, cursor - begin)
+        for turn in range((count + BLOCK - 1) // BLOCK * TURNS):
+            if turn % TURNS == 0:
+                ti.atomic_max(wanted, self._block(turn // TURNS, neighbour, room))
         return wanted
+
+    @ti.func
+    def _block(self, block, neighbour: ti.template(), room):
+        """List the rows of one block; returns the entries that it wants."""
+        count, begin = self.state.count[None], block * BLOCK * room
+        cursor = begin
+        for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
+            self.list.start[i] = ti.min(cursor, begin + BLOCK * room)
+            x = self.x[i]
+            for j in range(count):
+                r = x - self.x[j]
+                if r.dot(r) < self.support_radius * self.support_radius and j != i:
+                    if cursor < begin + BLOCK * room:
+                        neighbour[cursor] = j
+                    cursor += 1
+            self.list.stop[i] = ti.min(cursor, begin + BLOCK * room)
+        return cursor - begin

@@ -2,7 +2,9 @@
 
 import taichi as ti
 
+from sim import runtime
 from sim.registry import register
+from sim.runtime import TURNS
 from sim.schema import Model
 from sim.search.pair_list import BLOCK, PairList, first_room
 from sim.stage import Build, Stage
@@ -47,6 +49,7 @@ class GridSearch:
         self.first = ti.field(ti.i32, shape=CELLS_MAX + 2)
         capacity = build.state.sizes["fluid"]
         self.list = PairList(capacity, first_room(config.fluid.support))
+        self.few = runtime.few(build.state.sizes["fluid"])
         build.parts["search"] = self
 
     def stages(self) -> tuple[Stage, ...]:
@@ -91,16 +94,21 @@ class GridSearch:
 
     @ti.kernel
     def _sort(self):
+        ti.loop_config(serialize=True)
         for _ in range(1):
             self.low[None], self.high[None] = self.space_high, self.space_low
+        ti.loop_config(serialize=self.few)
         for i in range(self.state.count[None]):
             x = ti.math.clamp(self.x[i], self.space_low, self.space_high)
             ti.atomic_min(self.low[None], x)
             ti.atomic_max(self.high[None], x)
+        ti.loop_config(serialize=True)
         for _ in range(1):
             self._lay_cells()
+        ti.loop_config(serialize=self.few)
         for c in range(self.shape[None].x * self.shape[None].y * self.shape[None].z + 2):
             self.first[c] = 0
+        ti.loop_config(serialize=self.few)
         for i in range(self.state.count[None]):
             c, n = self._coordinates(self._clamped(self.x[i])), self.shape[None]
             self.cell[i] = (c.z * n.y + c.y) * n.x + c.x
@@ -122,15 +130,16 @@ class GridSearch:
         """List block by block; returns the entries that the fullest block wants."""
         wanted = 0
         count = self.state.count[None]
-        ti.loop_config(block_dim=1)
-        for block in range((count + BLOCK - 1) // BLOCK):
-            begin = block * BLOCK * room
-            cursor, need = begin, 0
-            for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
-                self.list.start[i] = cursor
-                cursor, need = self._row(i, neighbour, cursor, begin, need, BLOCK * room)
-                self.list.stop[i] = cursor
-            ti.atomic_max(wanted, need)
+        for turn in range((count + BLOCK - 1) // BLOCK * TURNS):
+            if turn % TURNS == 0:
+                block = turn // TURNS
+                begin = block * BLOCK * room
+                cursor, need = begin, 0
+                for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
+                    self.list.start[i] = cursor
+                    cursor, need = self._row(i, neighbour, cursor, begin, need, BLOCK * room)
+                    self.list.stop[i] = cursor
+                ti.atomic_max(wanted, need)
         return wanted
 
     @ti.func

@@ -40,6 +40,7 @@ class Absorb:
     def ask(self, dt: float):
         """Demand of the pores on each face, by cover."""
         fill = 1.0 - ti.exp(-dt / self.tau)
+        ti.loop_config(serialize=self.water.few)
         for p in range(self.water.patch_count):
             front, back = self.water.pressures(p)
             s = self.water.saturation(p)

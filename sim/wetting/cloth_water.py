@@ -10,6 +10,7 @@ import numpy as np
 import taichi as ti
 import taichi.math as tm
 
+from sim import runtime
 from sim.constants import MASS_UNIT
 
 SMOOTHING = 0.03
@@ -37,6 +38,7 @@ class ClothWater:
         self.area = sheet.spacing**2
         self.patch_count, self.node_count = len(sheet.patches), len(sheet.x)
         volume = self.fabric.porosity * self.fabric.thickness * self.area
+        self.few = runtime.few(8 * self.node_count)
         self.capacity = round(self.liquid.rest_density * volume / MASS_UNIT)
         self.capacity_real = float(self.capacity)
         self.suction = self.fabric.capillary(self.liquid.surface_tension)
@@ -59,10 +61,12 @@ class ClothWater:
     def begin(self, dt: float):
         """Smooth the pressures; normals and velocities of patches; no momentum exchanged yet."""
         keep = ti.exp(-dt / SMOOTHING)
+        ti.loop_config(serialize=self.few)
         for n in range(self.node_count):
             area = dt * self.node_area[n]
             self.front[n] = keep * self.front[n] + (1.0 - keep) * self.push_front[n] / area
             self.back[n] = keep * self.back[n] + (1.0 - keep) * self.push_back[n] / area
+        ti.loop_config(serialize=self.few)
         for p in range(self.patch_count):
             a, b, c, d = self.corners(p)
             self.normal[p] = (self.x[c] - self.x[a]).cross(self.x[d] - self.x[b]).normalized(1e-30)
@@ -72,6 +76,7 @@ class ClothWater:
     @ti.kernel
     def settle(self, dt: float):
         """m_new v_new = m v + momentum brought; pinned nodes hand theirs to the clip."""
+        ti.loop_config(serialize=self.few)
         for n in range(self.node_count):
             i, j = n // self.nodes_across, n % self.nodes_across
             brought = ti.Vector([0.0, 0.0, 0.0], ti.f64)

@@ -32,6 +32,7 @@ class Film:
     @ti.kernel
     def flow(self, dt: float):
         """Creep through faces, then gather; film and momentum move together."""
+        ti.loop_config(serialize=self.water.few)
         for i, j in ti.ndrange(self.water.rows, self.water.columns):
             p = i * self.water.columns + j
             self.along[i, j, 0] = 0
@@ -40,6 +41,7 @@ class Film:
                 self.along[i, j, 0] = self._creep(p, p + self.water.columns, dt)
             if j + 1 < self.water.columns:
                 self.along[i, j, 1] = self._creep(p, p + 1, dt)
+        ti.loop_config(serialize=self.water.few)
         for i, j in ti.ndrange(self.water.rows, self.water.columns):
             p = i * self.water.columns + j
             if i > 0:
@@ -50,6 +52,7 @@ class Film:
                 self._receive(p, p + self.water.columns, -self.along[i, j, 0])
             if j + 1 < self.water.columns:
                 self._receive(p, p + 1, -self.along[i, j, 1])
+        ti.loop_config(serialize=self.water.few)
         for p in range(self.water.patch_count):
             site = self.site_of[p]
             if site != p:

@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from sim import runtime
 from sim.constants import MASS_UNIT
 from sim.stage import Build, Stage
 
@@ -25,6 +26,7 @@ class Merge:
         liquid = build.config.fluid.liquid
         self.full = round(liquid.rest_density * build.config.fluid.spacing**3 / MASS_UNIT)
         capacity = state.sizes["fluid"]
+        self.few = runtime.few(capacity)
         self.target = ti.field(ti.i32, shape=capacity)
 
     def stages(self) -> tuple[Stage, ...]:
@@ -40,6 +42,7 @@ class Merge:
     @ti.kernel
     def _choose(self, neighbour: ti.template(), weight: ti.template()) -> ti.i32:
         found = 0
+        ti.loop_config(serialize=self.few)
         for i in range(self.state_count[None]):
             self.target[i] = -1
             if self._light(i):

@@ -55,6 +55,7 @@ class Seep:
     @ti.kernel
     def ask(self, dt: float):
         """Demand of the far side's film on the face that pushes."""
+        ti.loop_config(serialize=self.water.few)
         for p in range(self.water.patch_count):
             s = self.water.saturation(p)
             opened = ti.math.clamp((s - OPENS) / (1.0 - OPENS), 0.0, 1.0)

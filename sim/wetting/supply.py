@@ -52,6 +52,7 @@ class Supply:
     @ti.kernel
     def begin(self, dt: float):
         """Who touches where, on which face, and how much of each patch is covered."""
+        ti.loop_config(serialize=self.water.few)
         for p in range(self.water.patch_count):
             for f in ti.static(range(2)):
                 self.cover[p][f] = 0
@@ -115,12 +116,14 @@ class Supply:
     @ti.kernel
     def transfer(self, dt: float):
         """Take from particles what patches ask, as far as each has it; book it, pores before film."""
+        ti.loop_config(serialize=self.water.few)
         for p in range(self.water.patch_count):
             self.granted[p] = ti.Vector([0, 0], ti.i64)
         for i in range(self.state_count[None]):
             face = self.face[i]
             if face >= 0:
                 self._give(i, face)
+        ti.loop_config(serialize=self.water.few)
         for p in range(self.water.patch_count):
             for f in ti.static(range(2)):
                 to_pores = ti.min(self.granted[p][f], self.for_pores[p][f])

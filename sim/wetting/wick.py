@@ -47,6 +47,7 @@ class Wick:
     @ti.kernel
     def flow(self, dt: float):
         """Whole mass units through each face from (i, j) to its next along i [0] and j [1]; then the sums."""
+        ti.loop_config(serialize=self.water.few)
         for i, j in ti.ndrange(self.water.rows, self.water.columns):
             self.along[i, j, 0] = 0
             self.along[i, j, 1] = 0
@@ -55,6 +56,7 @@ class Wick:
                 self.along[i, j, 0] = self._through(p, p + self.water.columns, dt)
             if j + 1 < self.water.columns:
                 self.along[i, j, 1] = self._through(p, p + 1, dt)
+        ti.loop_config(serialize=self.water.few)
         for i, j in ti.ndrange(self.water.rows, self.water.columns):
             p = i * self.water.columns + j
             if i > 0:
