@@ -14,8 +14,11 @@ from sim.scene.puddle import TOUCH, film_height
 
 OFFSET = 0.4
 """[dx] Rest gap of a particle over the sheet; less lets the last step act, more floats the water."""
-PUSH_OUT = 0.1
-"""[m/s] How fast a particle that starts nearer than that is moved out: at once would be a 9 m/s kick."""
+PUSH_OUT = 0.03
+"""[m/s] How fast a particle that starts nearer than that is moved out: at once would be a 9 m/s kick, and at 0.1 m/s
+the sheet under a pool trembles twice as much."""
+BOUNCES = 0.4
+"""[m/s] Slower arrivals do not bounce: a resting pool must not simmer."""
 REACH = 1.1
 """[dx] Particles nearer than this at the start of a step belong to the layer."""
 
@@ -195,8 +198,8 @@ class Layer:
 
     @ti.func
     def _bounce(self, r, arriving, n, w):
-        """What restitution adds along the normal to a contact that arrived faster than PUSH_OUT repairs make [N s]."""
+        """What restitution adds along the normal to a contact that arrived fast [N s]."""
         impulse = ti.Vector([0.0, 0.0, 0.0], self.real)
-        if arriving < -4.0 * PUSH_OUT:
+        if arriving < -BOUNCES:
             impulse = ti.max(-self.restitution * arriving - r.dot(n), 0.0) / w * n
         return impulse

@@ -15,6 +15,10 @@ many iterations again and moves no less; at 10 ms the densest spot of a breaking
 WORST = 0.03
 """[1] No particle may be left with more than this to correct: two drops that met yesterday are nothing in the mean,
 and the pressure kept from then would throw them apart at 10 m/s today."""
+GROWTH = 8.0
+"""[1] A residual that passes its least by this much is running away: momentum alone overshoots two or three times."""
+SHORTEST = 0.1
+"""[1] Of the lattice's step: four halvings."""
 SAFETY = 0.6
 """Of Jacobi's largest step on the lattice (0.46 at support 2): disordered water and surfaces bear a little less."""
 
@@ -37,19 +41,29 @@ class Projection:
         self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-capacity // BLOCK), 1))
 
     def solve(self, kappa, dt: float, tolerance: float, iterations_max: int, correct: float) -> int:
-        """Iterations taken. correct: 1 takes density errors back, 0 stops compression alone (see Dfsph)."""
+        """Iterations taken. correct: 1 takes density errors back, 0 stops compression alone (see Dfsph).
+
+        Where particles clump (light ones, soaked half away), the lattice's step is too long and the residual grows:
+        then it starts anew from no pressure at all, with half the step.
+        """
         if not self.o.params.warm_start:
             kappa.fill(0.0)
         self._begin(kappa)
         age = iteration = 0
-        left = worst = float("inf")
+        left = worst = first = float("inf")
+        step = self.relaxation
         while (left > tolerance or worst > WORST) and iteration < iterations_max:
             self._push(dt, self.pairs.neighbour, self.pairs.gradient)
             left, turned, worst = self._relax(
-                kappa, dt, correct, age / (age + 3.0), self.pairs.neighbour, self.pairs.gradient
+                kappa, dt, correct, step, age / (age + 3.0), self.pairs.neighbour, self.pairs.gradient
             )
+            first = min(first, max(left, tolerance))
             age = 0 if turned > 0.0 else age + 1
             iteration += 1
+            if not left <= GROWTH * first and step > SHORTEST * self.relaxation:
+                kappa.fill(0.0)
+                self._begin(kappa)
+                step, age, first = 0.5 * step, 0, float("inf")
         return iteration
 
     @ti.kernel
@@ -74,6 +88,7 @@ class Projection:
         kappa: ti.template(),
         dt: float,
         correct: float,
+        step: float,
         momentum: float,
         neighbour: ti.template(),
         gradient: ti.template(),
@@ -83,7 +98,7 @@ class Projection:
         count = self.o.state.count[None]
         for turn in range((count + BLOCK - 1) // BLOCK * TURNS):
             if turn % TURNS == 0:
-                self._relax_block(kappa, turn // TURNS, dt, correct, momentum, neighbour, gradient)
+                self._relax_block(kappa, turn // TURNS, dt, correct, step, momentum, neighbour, gradient)
         left, worst = ti.Vector([0.0, 0.0], ti.f64), ti.f64(0.0)
         ti.loop_config(serialize=True)
         for block in range((count + BLOCK - 1) // BLOCK):
@@ -99,6 +114,7 @@ class Projection:
         block,
         dt,
         correct,
+        step,
         momentum,
         neighbour: ti.template(),
         gradient: ti.template(),
@@ -110,21 +126,21 @@ class Projection:
             rate = u.dot(self.o.walls.gradient[i])
             for k in range(self.pairs.start[i], self.pairs.stop[i]):
                 rate += (u - self.o.u[neighbour[k]]).dot(gradient[k])
-            one = self._step(kappa, i, rate, dt, correct, momentum)
+            one = self._step(kappa, i, rate, dt, correct, step, momentum)
             total += one
             worst = ti.max(worst, one[0])
         self.partial[block] = ti.Vector([total[0], total[1], worst])
 
     @ti.func
-    def _step(self, kappa: ti.template(), i, rate, dt, correct, momentum):
+    def _step(self, kappa: ti.template(), i, rate, dt, correct, step, momentum):
         """Relax kappa_i by its residual rate - (rho0 - rho)/tau; |what that corrects| dt/rho0, and momentum's turn."""
         rho0, diagonal = self.o.rest_density, ti.max(self.o.diagonal[i], 1e-20)
         lack = (rho0 - self.o.density[i]) / ti.max(dt, CORRECTION_TIME)
         if correct == 0.0:
             lack = ti.max(lack, 0.0)
         old, guess = kappa[i], self.o.guess[i]
-        new = ti.max(guess + self.relaxation * (rate - lack) / (dt * diagonal), 0.0)
+        new = ti.max(guess + step * (rate - lack) / (dt * diagonal), 0.0)
         kappa[i] = new
         self.o.guess[i] = ti.max(new + momentum * (new - old), 0.0)
         left = diagonal * dt * dt / rho0
-        return ti.Vector([ti.abs(new - guess) * left / self.relaxation, (guess - new) * (new - old) * left])
+        return ti.Vector([ti.abs(new - guess) * left / step, (guess - new) * (new - old) * left])
