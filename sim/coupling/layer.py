@@ -14,9 +14,8 @@ from sim.scene.puddle import TOUCH, film_height
 
 OFFSET = 0.4
 """[dx] Rest gap of a particle over the sheet; less lets the last step act, more floats the water."""
-PUSH_OUT = 0.03
-"""[m/s] How fast a particle that starts nearer than that is moved out: at once would be a 9 m/s kick, and at 0.1 m/s
-the sheet under a pool trembles twice as much."""
+PUSH_OUT = 0.1
+"""[m/s] How fast a particle that starts nearer than that is moved out: at once would be a 9 m/s kick."""
 BOUNCES = 0.4
 """[m/s] Slower arrivals do not bounce: a resting pool must not simmer."""
 REACH = 1.1
