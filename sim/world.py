@@ -93,9 +93,7 @@ class World:
         dtype = np.float64 if self.config.run.precision == "f64" else np.float32
         for name in ("x", "mass", "inv_mass"):
             state[f"cloth.{name}"].from_numpy(np.ascontiguousarray(getattr(sheet, name), dtype))
-        cloth = self.build.parts["cloth"]
-        if hasattr(cloth, "settle"):
-            cloth.settle(self.config.cloth.settle)
+        self.build.parts["cloth"].settle(self.config.cloth.settle)
 
     @property
     def frame_index(self) -> int:

@@ -132,7 +132,7 @@ class Layer:
 
     @ti.func
     def finish(self, h):
-        """Velocities; Coulomb friction and restitution of those in contact, opposite impulse to the sheet."""
+        """Velocities; drag of those that touch and restitution of those in contact, opposite impulse to the sheet."""
         for s in range(self.count[None]):
             v_free = self.speed[s]
             v = (self.place[s] - self.start[s]) / h

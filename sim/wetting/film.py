@@ -5,7 +5,7 @@ import math
 import numpy as np
 import taichi as ti
 
-SITE_RATE = 12.0
+RIPPLE = 12.0
 """[1] In the growth rate of the fastest ripple of a hanging film, (rho g)^2 h^3 / (12 mu gamma)."""
 
 
@@ -89,7 +89,7 @@ class Film:
             across = ti.abs(self.water.gravity.dot(self.water.normal[p]))
             if i == 0 or j == 0 or i == self.water.rows - 1 or j == self.water.columns - 1:
                 across = self.water.gravity_size
-            rate = (self.rho * across) ** 2 * h**3 / (SITE_RATE * self.mu * self.gamma)
+            rate = (self.rho * across) ** 2 * h**3 / (RIPPLE * self.mu * self.gamma)
             volume = (h - self.thickest) * (1.0 - ti.exp(-rate * dt)) * self.water.area
             units = ti.min(self.water.units(volume), self.water.film[p] // 2)
             self.water.film[p] -= units
