@@ -123,7 +123,7 @@ def _tank(path: str) -> dict:
         speeds.append((world.clock.time, np.sqrt((v**2).sum(1).mean())))
         if world.clock.time < 0.6:
             continue
-        kappa = _row(world, "dfsph.kappa") + _row(world, "dfsph.kappa_divergence")
+        kappa = _row(world, "dfsph.kappa")
         forces.append(-(_row(world, "mass") * kappa * _row(world, "walls.gradient")[:, 2]).sum())
         inside = (z > 0.006) & (z < 0.017)
         slopes.append(np.polyfit(z[inside], (rho**2 * kappa)[inside], 1)[0])

@@ -1,5 +1,7 @@
 """What pressure methods share: gravity and the scene's terms, the move, and the step that speed allows."""
 
+import math
+
 import taichi as ti
 
 from sim import runtime
@@ -11,17 +13,19 @@ class Motion:
     """Stages "forces" (slot accelerate) and "move" of the water.
 
     forces   acceleration = g + sum of terms; v += dt acceleration
-    move     x += dt v, out of solids
+    move     x += dt v, out of solids; where a method has a `way` [m/s] of its own, x += dt way, and v stays
     limits   dt <= cfl spacing / max |v|, and each term's own
     """
 
     rows = ("fluid.x", "fluid.v", "fluid.acceleration")
     scratch = ()
 
-    def __init__(self, build: Build, terms: tuple, cfl: float):
+    def __init__(self, build: Build, terms: tuple, cfl: float, way=None):
         self.state, self.pairs, self.walls, self.terms = build.state, build.parts["pairs"], build.parts["walls"], terms
         self.x, self.v, self.acceleration = (build.state[name] for name in self.rows)
+        self.way, self.own_way = way, way is not None
         self.gravity = ti.Vector([float(g) for g in build.config.space.gravity])
+        self.weight = math.sqrt(sum(g * g for g in build.config.space.gravity))
         self.few = runtime.few(build.state.sizes["fluid"])
         self.reach = cfl * build.config.fluid.spacing
 
@@ -40,6 +44,10 @@ class Motion:
     def move(self, dt: float) -> None:
         """x += dt v, kept out of solids."""
         self._move(dt)
+
+    def pull(self) -> float:
+        """The acceleration that pressure answers to [m/s^2]: gravity's, or without it the largest of the terms."""
+        return self.weight or self._strongest()
 
     def _of_terms(self) -> Limit:
         return min((term.limit() for term in self.terms), default=Limit(float("inf"), "no term"))
@@ -65,7 +73,12 @@ class Motion:
     @ti.kernel
     def _move(self, dt: float):
         for i in range(self.state.count[None]):
-            self.x[i], self.v[i] = self.walls.move(i, self.v[i], dt)
+            if ti.static(self.own_way):
+                x, u = self.walls.move(i, self.way[i], dt)
+                self.x[i] = x
+                self.v[i] += u - self.way[i]
+            else:
+                self.x[i], self.v[i] = self.walls.move(i, self.v[i], dt)
 
     @ti.kernel
     def _fastest(self) -> float:
@@ -74,3 +87,11 @@ class Motion:
         for i in range(self.state.count[None]):
             ti.atomic_max(fastest, self.v[i].norm_sqr())
         return ti.sqrt(fastest)
+
+    @ti.kernel
+    def _strongest(self) -> float:
+        strongest = 0.0
+        ti.loop_config(serialize=self.few)
+        for i in range(self.state.count[None]):
+            ti.atomic_max(strongest, self.acceleration[i].norm_sqr())
+        return ti.sqrt(strongest)

@@ -9,12 +9,9 @@ from sim.runtime import TURNS
 BLOCK = 1024
 """Particles in one partial sum. Sums over blocks in order, then over the blocks in order, have the same bits on any
 number of threads."""
-CORRECTION_TIME = 5e-3
-"""[s] A density error is taken back over this time, or over dt if that is longer. At 2 ms a still pool takes half as
-many iterations again and moves no less; at 10 ms the densest spot of a breaking dam has 1.18 rho0 rather than 1.11."""
 WORST = 0.03
-"""[1] No particle may be left with more than this to correct: two drops that met yesterday are nothing in the mean,
-and the pressure kept from then would throw them apart at 10 m/s today."""
+"""[1] No particle may be left with more than this to correct: two drops that met are nothing in the mean, and go on
+overlapping."""
 GROWTH = 8.0
 """[1] A residual that passes its least by this much is running away: momentum alone overshoots two or three times."""
 SHORTEST = 0.1
@@ -25,7 +22,7 @@ SAFETY = 0.6
 
 @ti.data_oriented
 class Projection:
-    """Finds kappa with  D rho_i(u) <= (rho0 - rho_i)/tau,  u = v + dt a(kappa),  kappa_i >= 0, one of them equal.
+    """Finds kappa with  D rho_i(u) <= (rho0 - rho_i)/dt,  u = v + dt a(kappa),  kappa_i >= 0, one of them equal.
 
     Projected Jacobi, run ahead by Nesterov's momentum, which starts anew where it points against the residual
     (O'Donoghue & Candes 2015): half of Jacobi's iterations at a tolerance of 1e-4.
@@ -41,7 +38,8 @@ class Projection:
         self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-capacity // BLOCK), 1))
 
     def solve(self, kappa, dt: float, tolerance: float, iterations_max: int, correct: float) -> int:
-        """Iterations taken. correct: 1 takes density errors back, 0 stops compression alone (see Dfsph).
+        """Iterations taken. tolerance: mean |change of density in dt| left, over rho0. correct: 1 takes density errors
+        back, 0 stops compression alone (see Dfsph).
 
         Where particles clump (light ones, soaked half away), the lattice's step is too long and the residual grows:
         then it starts anew from no pressure at all, with half the step.
@@ -133,9 +131,9 @@ class Projection:
 
     @ti.func
     def _step(self, kappa: ti.template(), i, rate, dt, correct, step, momentum):
-        """Relax kappa_i by its residual rate - (rho0 - rho)/tau; |what that corrects| dt/rho0, and momentum's turn."""
+        """Relax kappa_i by its residual rate - (rho0 - rho)/dt; |what that corrects| dt/rho0, and momentum's turn."""
         rho0, diagonal = self.o.rest_density, ti.max(self.o.diagonal[i], 1e-20)
-        lack = (rho0 - self.o.density[i]) / ti.max(dt, CORRECTION_TIME)
+        lack = (rho0 - self.o.density[i]) / dt
         if correct == 0.0:
             lack = ti.max(lack, 0.0)
         old, guess = kappa[i], self.o.guess[i]

@@ -3,7 +3,8 @@
 A particle stands for its volume as a puddle of height 2 l_c sin(theta/2) (de Gennes 1985), or dx if that is less, so
 that the area wetted by so much water does not depend on the size of particles. The puddle is spread over the patches
 under it by a tent in material coordinates; a patch's demand is shared by that cover, and scaled down where a particle
-has less than is asked of it. So a particle may be larger than a patch can hold.
+has less than is asked of it. So a particle may be larger than a patch can hold. Of those that cover a patch the lightest
+gives most: a few particles are used up and merge, rather than all becoming light, which SPH bears badly.
 """
 
 import math
@@ -16,6 +17,10 @@ from sim.constants import MASS_UNIT
 from sim.maths.facet import plane_gap
 from sim.scene.puddle import TOUCH, film_height
 
+ZEAL = 4
+"""A particle of mass m gives in proportion to (m0/m)^ZEAL times its cover."""
+LIGHTEST = 0.25
+"""[m0] Lighter ones give no more zealously than this."""
 COVER_ONE = 2**24
 """Fixed point of cover: integers add up the same in any order."""
 
@@ -25,6 +30,7 @@ class Supply:
     """asked (p,), wanted by pores and by seepage in turn; granted to the pores first.
 
     cover (p,)  int64, COVER_ONE = wholly covered, by particles in front [0] and behind [1]
+    claim (p,)  the same, each particle's part times its zeal
     """
 
     def __init__(self, build, water):
@@ -37,6 +43,7 @@ class Supply:
         self.triangle, self.side = state["fluid.triangle"], state["fluid.side"]
         self.dx = build.config.fluid.spacing
         height = film_height(build.config, self.dx)
+        self.full = water.liquid.rest_density * self.dx**3
         self.cover_per_mass = 1.0 / (height * water.liquid.rest_density * water.area)
         self.half = max(math.sqrt(self.dx**3 / height), water.spacing)
         self.uv = ti.Vector.field(2, float, shape=water.node_count)
@@ -45,6 +52,7 @@ class Supply:
         self.place = ti.Vector.field(2, float, shape=capacity)
         self.face = ti.field(ti.i32, shape=capacity)
         self.cover = ti.Vector.field(2, ti.i64, shape=water.patch_count)
+        self.claim = ti.Vector.field(2, ti.i64, shape=water.patch_count)
         self.for_pores = ti.Vector.field(2, ti.i64, shape=water.patch_count)
         self.for_film = ti.Vector.field(2, ti.i64, shape=water.patch_count)
         self.granted = ti.Vector.field(2, ti.i64, shape=water.patch_count)
@@ -56,6 +64,7 @@ class Supply:
         for p in range(self.water.patch_count):
             for f in ti.static(range(2)):
                 self.cover[p][f] = 0
+                self.claim[p][f] = 0
                 self.for_pores[p][f] = 0
                 self.for_film[p][f] = 0
         for i in range(self.state_count[None]):
@@ -68,14 +77,23 @@ class Supply:
                     w = ti.max(w, 0.0) / ti.max(w, 0.0).sum()
                     place = w[0] * self.uv[corner[0]] + w[1] * self.uv[corner[1]] + w[2] * self.uv[corner[2]]
                     self.place[i] = place
-                    covers = self._covers(i)
-                    i0, i1, j0, j1 = self._window(place)
-                    norm = self._norm(place, i0, i1, j0, j1)
-                    for a, b in ti.ndrange((i0, i1), (j0, j1)):
-                        share = covers * self._tent(place, a, b) / norm
-                        ti.atomic_add(
-                            self.cover[a * self.water.columns + b][self.face[i]], ti.cast(share * COVER_ONE, ti.i64)
-                        )
+                    self._cover(i)
+
+    @ti.func
+    def _cover(self, i):
+        """Add the puddle of particle i to the patches under it."""
+        covers, zeal, face = self._covers(i), self._zeal(i), self.face[i]
+        i0, i1, j0, j1 = self._window(self.place[i])
+        norm = self._norm(self.place[i], i0, i1, j0, j1)
+        for a, b in ti.ndrange((i0, i1), (j0, j1)):
+            p, share = a * self.water.columns + b, covers * self._tent(self.place[i], a, b) / norm
+            ti.atomic_add(self.cover[p][face], ti.cast(share * COVER_ONE, ti.i64))
+            ti.atomic_add(self.claim[p][face], ti.cast(zeal * share * COVER_ONE, ti.i64))
+
+    @ti.func
+    def _zeal(self, i):
+        """How much more readily particle i gives than a full one."""
+        return ti.max(self.mass[i] / self.full, LIGHTEST) ** -ZEAL
 
     @ti.func
     def _covers(self, i):
@@ -133,7 +151,7 @@ class Supply:
     @ti.func
     def _give(self, i, face):
         place = self.place[i]
-        covers = self._covers(i)
+        covers = self._covers(i) * self._zeal(i)
         i0, i1, j0, j1 = self._window(place)
         norm = self._norm(place, i0, i1, j0, j1)
         asked = ti.cast(0.0, ti.f64)
@@ -154,9 +172,9 @@ class Supply:
 
     @ti.func
     def _asked(self, p, face, share):
-        """This particle's part of what patch p asks of a face, by its part of the cover."""
+        """This particle's part of what patch p asks of a face, by its part of the claim."""
         part = ti.cast(0.0, ti.f64)
-        if self.cover[p][face] > 0:
+        if self.claim[p][face] > 0:
             whole = ti.cast(self.for_pores[p][face] + self.for_film[p][face], ti.f64)
-            part = whole * ti.cast(share * COVER_ONE, ti.f64) / ti.cast(self.cover[p][face], ti.f64)
+            part = whole * ti.cast(share * COVER_ONE, ti.f64) / ti.cast(self.claim[p][face], ti.f64)
         return part
