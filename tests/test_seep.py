@@ -67,13 +67,12 @@ def test_strain_and_speed_stay_within_reason(coarse):
 
 
 def test_particle_size_does_not_show(coarse, fine):
-    """Saturation histories of dx and dx/2. Asked are 5 % and 10 %; measured are 5.0 to 5.4 % and 8 to 9.3 %: with
-    4 mm the pool's thin rim is not seen. The bounds here catch a step back, and come down when that is mended."""
+    """Saturation histories of dx and dx/2: measured 4.7 % and 5.5 %."""
     one, two = np.array(coarse["saturation"]), np.array(fine["saturation"])
     times = np.arange(1, len(two) + 1) / 20.0
-    assert np.abs(one - two).mean() / two[-1] <= 0.06
+    assert np.abs(one - two).mean() / two[-1] <= 0.05
     half = [np.interp(0.5 * s[-1], s, times) for s in (one, two)]
-    assert half[0] == pytest.approx(half[1], rel=0.12)
+    assert half[0] == pytest.approx(half[1], rel=0.1)
 
 
 def _unbroken() -> dict:

@@ -21,7 +21,8 @@ class Contact:
 
     rows = (
         "fluid.x", "fluid.v", "fluid.mass", "fluid.id", "fluid.acceleration", "fluid.pressure_acceleration",
-        "fluid.expected_pull", "fluid.triangle", "fluid.side", "cloth.x", "cloth.v", "cloth.inv_mass", "cloth.push_front", "cloth.push_back",
+        "fluid.expected_pull", "fluid.triangle", "fluid.side", "cloth.x", "cloth.v", "cloth.inv_mass",
+        "cloth.push_front", "cloth.push_back",
     )  # fmt: skip
     scratch = ()
     conserves = ("momentum",)

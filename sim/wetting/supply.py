@@ -3,8 +3,8 @@
 A particle stands for its volume as a puddle of height 2 l_c sin(theta/2) (de Gennes 1985), or dx if that is less, so
 that the area wetted by so much water does not depend on the size of particles. The puddle is spread over the patches
 under it by a tent in material coordinates; a patch's demand is shared by that cover, and scaled down where a particle
-has less than is asked of it. So a particle may be larger than a patch can hold. Of those that cover a patch the lightest
-gives most: a few particles are used up and merge, rather than all becoming light, which SPH bears badly.
+has less than is asked of it. So a particle may be larger than a patch can hold. Of those that cover a patch the
+lightest gives most: a few are used up and merge, rather than all becoming light, which SPH bears badly.
 """
 
 import math
