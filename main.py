@@ -155,6 +155,21 @@ def doctor(
     print(doctors.scene(scene) if scene else doctors.machine())
 
 
+@app.command()
+def bench(
+    case: Annotated[str, typer.Argument(help="A case, or how its name begins; all if left out.")] = "",
+    quick: Annotated[bool, typer.Option("--quick", help="One small case, in seconds.")] = False,
+    threads: Annotated[int, typer.Option(min=1, help="Of either side.")] = 2,
+    rounds: Annotated[int, typer.Option(min=0, help="Runs of either side, in turns; 0: 3, or 1 with --quick.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder of the tables; outputs/bench if left out.")] = None,
+) -> None:
+    """Time the water side by side with pySPlisHSPlasH (of .venv-peers, or of the Python that SEEP_PEERS names)."""
+    from sim.run import OUTPUTS
+    from sim.studies import bench as benches
+
+    print(f"{benches.run(case, quick, threads, rounds, out or OUTPUTS / 'bench', print)}")
+
+
 def _config(scene: str, settings: list[str] | None, quick: bool, frames: int | None = None, **options):
     """The scene with the command line's keys over it; options are keys of [run]."""
     from sim import config

@@ -1,0 +1,48 @@
+"""How far particles are pressed together, from their places alone: one measure for every program's frames."""
+
+import numpy as np
+
+from sim.maths.kernels import KERNELS, lattice_shares
+
+SUPPORT = 3.0
+"""[dx] Wider than any solver here uses, so that no solver is judged by its own sum, and disorder hardly counts: jitter
+of 0.2 dx raises the sum of a lattice by 8 % at 2 dx and 1.1 % at 3 dx."""
+
+
+def densities(x: np.ndarray, spacing: float, low, high) -> np.ndarray:
+    """rho/rho0 (n,) of places x (n, 3) [m] in a box from low to high: sum of W dx^3, 1 on the lattice, walls filled.
+
+    W is Wendland C2 with H = SUPPORT dx. Of the kernel, what lies beyond faces of the box counts as filled.
+    """
+    kernel, h = KERNELS["wendland_c2"], SUPPORT * spacing
+    scale = spacing**3 / lattice_shares(kernel, SUPPORT)[0] / h**3
+    total = np.full(len(x), 21.0 / (2.0 * np.pi)) * scale
+    for i, j in _pairs(np.asarray(x, float), h):
+        u = np.maximum(1.0 - np.linalg.norm(x[i] - x[j], axis=1) / h, 0.0)
+        total += np.bincount(i, 21.0 / (2.0 * np.pi) * scale * u**4 * (5.0 - 4.0 * u), len(x))
+    empty = np.ones(len(x))
+    for axis in range(3):
+        for distance in (x[:, axis] - low[axis], high[axis] - x[:, axis]):
+            empty *= [1.0 - kernel.wall(float(d), h)[0] for d in distance]
+    return total + 1.0 - empty
+
+
+def mean_compression(x: np.ndarray, spacing: float, low, high) -> float:
+    """Mean over the particles of max(rho/rho0 - 1, 0)."""
+    return float(np.maximum(densities(x, spacing, low, high) - 1.0, 0.0).mean())
+
+
+def _pairs(x: np.ndarray, h: float):
+    """(i, j) of all i != j in the same or in neighbouring cells of edge h, one cell offset at a time."""
+    cell = ((x - x.min(0)) / h).astype(np.int64) + 1
+    shape = cell.max(0) + 2
+    number = (cell[:, 0] * shape[1] + cell[:, 1]) * shape[2] + cell[:, 2]
+    order = np.argsort(number, kind="stable")
+    ranked = number[order]
+    for offset in np.ndindex(3, 3, 3):
+        away = ((offset[0] - 1) * shape[1] + offset[1] - 1) * shape[2] + offset[2] - 1
+        first, stop = np.searchsorted(ranked, number + away), np.searchsorted(ranked, number + away, "right")
+        counts = stop - first
+        i = np.repeat(np.arange(len(x)), counts)
+        j = order[np.repeat(first, counts) + np.arange(len(i)) - np.repeat(np.cumsum(counts) - counts, counts)]
+        yield i[i != j], j[i != j]
