@@ -72,9 +72,7 @@ def test_lattice_has_density_one_and_a_squeezed_one_more(squeeze):
     axis = (np.arange(14) + 0.5) * 0.1
     x = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3) * squeeze
     density = compression.densities(x, 0.1, (0.0,) * 3, (1.4 * squeeze,) * 3)
-    inside = (np.abs(x - 0.7 * squeeze) < 0.35).all(1)
-    assert np.allclose(density[inside], squeeze**-3, rtol=3e-3)
-    assert np.abs(density - squeeze**-3).max() < 0.03
+    assert np.allclose(density, squeeze**-3, rtol=2e-3)  # walls, edges and corners included
 
 
 def _stepped() -> tuple[str, str, dict]:

@@ -13,21 +13,20 @@ LATTICE = lattice_shares(KERNEL, SUPPORT)[0]
 
 
 def densities(x: np.ndarray, spacing: float, low, high) -> np.ndarray:
-    """rho/rho0 (n,) of places x (n, 3) [m] in a box from low to high: sum of W dx^3, 1 on the lattice, walls filled.
+    """rho/rho0 (n,) of places x (n, 3) [m] in a box from low to high: sum of W dx^3, 1 on the lattice.
 
-    W is Wendland C2 with H = SUPPORT dx. Of the kernel, what lies beyond faces of the box counts as filled.
+    W is Wendland C2 with H = SUPPORT dx. The faces of the box are mirrors: a lattice that fills it has density 1
+    up to the corners.
     """
     h = SUPPORT * spacing
     peak = 21.0 / (2.0 * np.pi) / SUPPORT**3 / LATTICE
-    total = np.full(len(x), peak)
-    for i, j in _pairs(np.asarray(x, float), h):
-        q = np.minimum(np.linalg.norm(x[i] - x[j], axis=1) / h, 1.0)
+    x = np.asarray(x, float)
+    everything = _mirrored(x, h, low, high)
+    total = np.zeros(len(x))
+    for i, j in _pairs(everything, h, len(x)):
+        q = np.minimum(np.linalg.norm(everything[i] - everything[j], axis=1) / h, 1.0)
         total += peak * np.bincount(i, (1.0 - q) ** 4 * (1.0 + 4.0 * q), len(x))
-    empty = np.ones(len(x))
-    for axis in range(3):
-        for distance in (x[:, axis] - low[axis], high[axis] - x[:, axis]):
-            empty *= [1.0 - KERNEL.wall(float(d), h)[0] for d in distance]
-    return total + 1.0 - empty
+    return total
 
 
 def mean_compression(x: np.ndarray, spacing: float, low, high) -> float:
@@ -35,8 +34,20 @@ def mean_compression(x: np.ndarray, spacing: float, low, high) -> float:
     return float(np.maximum(densities(x, spacing, low, high) - 1.0, 0.0).mean())
 
 
-def _pairs(x: np.ndarray, h: float):
-    """(i, j) of all i != j in the same or in neighbouring cells of edge h, one cell offset at a time."""
+def _mirrored(x: np.ndarray, reach: float, low, high) -> np.ndarray:
+    """x, and after it the images of what is nearer than `reach` to a face; edges and corners get images of images."""
+    for axis in range(3):
+        images = [x]
+        for face, near in ((low[axis], x[:, axis] < low[axis] + reach), (high[axis], x[:, axis] > high[axis] - reach)):
+            image = x[near].copy()
+            image[:, axis] = 2.0 * face - image[:, axis]
+            images.append(image)
+        x = np.concatenate(images)
+    return x
+
+
+def _pairs(x: np.ndarray, h: float, count: int):
+    """(i, j) with i < count, in the same or in neighbouring cells of edge h, one cell offset at a time; i = j too."""
     cell = ((x - x.min(0)) / h).astype(np.int64) + 1
     shape = cell.max(0) + 2
     number = (cell[:, 0] * shape[1] + cell[:, 1]) * shape[2] + cell[:, 2]
@@ -44,8 +55,7 @@ def _pairs(x: np.ndarray, h: float):
     ranked = number[order]
     for offset in np.ndindex(3, 3, 3):
         away = ((offset[0] - 1) * shape[1] + offset[1] - 1) * shape[2] + offset[2] - 1
-        first, stop = np.searchsorted(ranked, number + away), np.searchsorted(ranked, number + away, "right")
+        first, stop = (np.searchsorted(ranked, number[:count] + away, side) for side in ("left", "right"))
         counts = stop - first
-        i = np.repeat(np.arange(len(x)), counts)
-        j = order[np.repeat(first, counts) + np.arange(len(i)) - np.repeat(np.cumsum(counts) - counts, counts)]
-        yield i[i != j], j[i != j]
+        i = np.repeat(np.arange(count), counts)
+        yield i, order[np.arange(len(i)) + np.repeat(first - np.cumsum(counts) + counts, counts)]
