@@ -29,9 +29,10 @@ def densities(x: np.ndarray, spacing: float, low, high) -> np.ndarray:
     return total
 
 
-def mean_compression(x: np.ndarray, spacing: float, low, high) -> float:
-    """Mean over the particles of max(rho/rho0 - 1, 0)."""
-    return float(np.maximum(densities(x, spacing, low, high) - 1.0, 0.0).mean())
+def mean_compression(x: np.ndarray, spacing: float, low, high) -> tuple[float, float]:
+    """Means over the particles of max(rho/rho0 - 1, 0), and of rho/rho0, which falls as water swells and spreads."""
+    density = densities(x, spacing, low, high)
+    return float(np.maximum(density - 1.0, 0.0).mean()), float(density.mean())
 
 
 def _mirrored(x: np.ndarray, reach: float, low, high) -> np.ndarray:
