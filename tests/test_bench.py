@@ -23,6 +23,7 @@ steps = [[0.005, 0.005, 9.0, 9.0, 2, 1]] + [[0.005 * k, 0.005, 0.1, 0.2, 4, 1] f
 np.savez(order["positions"], **{{"0.100": np.zeros((1, 3))}})
 found = {{"count": order["count"], "steps": steps, "samples": [[0.1, 1e-3, 1.01, 30.0]], "memory": 1e6}}
 json.dump(found, open(order["figures"], "w"))
+print("Time sum: SimStep: 600 ms\\nTime sum: neighborhood_search: 450.5 ms")
 """
 """A rival that takes 20 s per simulated second, after a first step that must not count."""
 
@@ -109,7 +110,9 @@ def test_table_has_both_sides(stub, tmp_path, capsys):
     assert 0.0 < float(row["our_error"]) < 2e-3 and row["rival_error"] == "0.001"
     assert 15 < float(row["our_neighbours"]) < 40
     stages = list(csv.DictReader((tmp_path / "out" / "stages.csv").open()))
-    assert sum(float(s["ns"]) for s in stages) == pytest.approx(float(row["our_ns"]), rel=0.2)
+    ours, theirs = ({s["stage"]: float(s["ns"]) for s in stages if s["side"] == side} for side in ("ours", "rival"))
+    assert sum(ours.values()) == pytest.approx(float(row["our_ns"]), rel=0.2)
+    assert theirs["neighborhood_search"] / theirs["the rest"] == pytest.approx(450.5 / 149.5, rel=1e-4)
     assert "ratio" in capsys.readouterr().out
 
 

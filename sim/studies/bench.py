@@ -87,10 +87,11 @@ def run(case: str, quick: bool, threads: int, rounds: int, folder: Path, say: Ca
         order = orders(duel, threads)
         ours, theirs = _take_turns(duel, order, rounds or (1 if quick else ROUNDS), python, folder / "rival", say)
         rows.append(_row(order, ours, theirs))
-        stages += _stages(order, ours)
+        of_case = [*_stages(order, "ours", ours), *_stages(order, "rival", theirs)]
+        stages += of_case
         _write(folder / "bench.csv", rows)
         _write(folder / "stages.csv", stages)
-        say(_table(rows[-1], [s for s in stages if s["case"] == duel.name]))
+        say(_table(rows[-1], of_case))
     return folder / "bench.csv"
 
 
@@ -178,15 +179,16 @@ def _row(order: dict[str, Any], ours: list[dict], theirs: list[dict]) -> dict[st
     return row | {f"{side}_{name}": of.get(name) for name in rest for side, of in (("our", a), ("rival", b))}
 
 
-def _stages(order: dict[str, Any], ours: list[dict]) -> list[dict[str, Any]]:
-    """Lines of stages.csv: what each stage of ours took, ns per particle and step, median over the runs."""
+def _stages(order: dict[str, Any], side: str, runs: list[dict]) -> list[dict[str, Any]]:
+    """Lines of stages.csv: ns per particle and step of each stage, median over the runs."""
     return [
         {
             "case": order["case"],
+            "side": side,
             "stage": name,
-            "ns": median(1e9 * run["stages"][name] / (len(run["steps"]) * run["count"]) for run in ours),
+            "ns": median(1e9 * run["stages"][name] / (len(run["steps"]) * run["count"]) for run in runs),
         }
-        for name in ours[0]["stages"]
+        for name in (runs[0]["stages"] if runs else ())
     ]
 
 
@@ -225,6 +227,6 @@ def _table(row: dict[str, Any], stages: list[dict[str, Any]]) -> str:
     for name, words in WORDS.items():
         cells = ("" if v is None else f"{v:.4g}" for v in (row[f"our_{name}"], row[f"rival_{name}"]))
         lines.append(f"  {words:26}" + "".join(f"{cell:>12}" for cell in cells))
-    whole = sum(stage["ns"] for stage in stages)
-    lines += [f"  {s['stage']:26}{s['ns']:12.0f} ns{s['ns'] / whole:9.1%}" for s in stages]
+    for side in ("ours", "rival"):
+        lines += [f"  {side}: {s['stage']:{24 - len(side)}}{s['ns']:12.0f} ns" for s in stages if s["side"] == side]
     return "\n".join(lines)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,7 @@ def interpreter() -> str:
 
 
 def run(python: str, order: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Figures of the order (see sim.studies.bench.order): lists `steps`, `samples`, numbers, `positions` by time.
+    """Figures of the order (see sim.studies.bench.order): lists `steps`, `samples`, `positions` by time, `stages`.
 
     folder keeps the scene file, and the boundary map that the rival builds once a radius. NoRival if it fails.
     """
@@ -48,13 +49,22 @@ def run(python: str, order: dict[str, Any], folder: Path) -> dict[str, Any]:
     path.write_text(json.dumps(order | {"figures": str(figures), "positions": str(positions)}, indent=1))
     try:
         with log.open("w") as out:
-            done = subprocess.run([python, str(SCRIPT), str(path)], stdout=out, stderr=out, timeout=LIMIT)
+            command = [python, str(SCRIPT), str(path)]
+            threads = {"OMP_NUM_THREADS": str(order["threads"])}
+            done = subprocess.run(command, stdout=out, stderr=out, timeout=LIMIT, env=os.environ | threads)
     except subprocess.TimeoutExpired:
         raise NoRival(f"{name} did not end within {LIMIT} s") from None
     if done.returncode or not figures.exists():
-        last = (log.read_text(errors="replace").split("\n\n")[-1].strip().splitlines() or ["no word"])[-1]
+        last = (log.read_text(errors="replace").strip().splitlines() or ["no word"])[-1]
         raise NoRival(f"{name} ended with {done.returncode}: {last} (see {log})")
     found = json.loads(figures.read_text())
     with np.load(positions) as kept:
         found["positions"] = {time: kept[time] for time in kept.files}
-    return found
+    return found | {"stages": _stages(log.read_text(errors="replace"))}
+
+
+def _stages(log: str) -> dict[str, float]:
+    """Seconds by stage, as the rival's own clock printed them: "Time sum: neighborhood_search: 44.65 ms"."""
+    sums = {name: 1e-3 * float(ms) for name, ms in re.findall(r"Time sum: (\w+): ([\d.e+-]+) ms", log)}
+    whole = sums.pop("SimStep", 0.0)
+    return sums | {"the rest": whole - sum(sums.values())} if sums else {}

@@ -24,7 +24,7 @@ TURN = [0, 2, 1]
 """Their y is our z. (The turn mirrors; so is nothing in this scene.)"""
 
 
-def find_libraries(order: dict, folder: Path) -> None:
+def find_libraries(folder: Path) -> None:
     """Start again with the wheel's own libOpenGL in the place of libGL.
 
     Its libGLU asks for libGL.so.1, finds the system's, and two copies of libGLdispatch crash in the import.
@@ -34,15 +34,14 @@ def find_libraries(order: dict, folder: Path) -> None:
         sys.exit("pySPlisHSPlasH is not installed")
     bundled = glob.glob(str(Path(spec.origin).parent / "pysplishsplash.libs" / "libOpenGL-*"))
     shim = folder / "libraries"
-    threads = str(order["threads"])
-    wanted = {"OMP_NUM_THREADS": threads, "LD_LIBRARY_PATH": f"{shim}:{os.environ.get('LD_LIBRARY_PATH', '')}"}
-    if not bundled or os.environ.get("LD_LIBRARY_PATH", "").startswith(str(shim)):
+    searched = os.environ.get("LD_LIBRARY_PATH", "")
+    if not bundled or searched.startswith(str(shim)):
         return
     shim.mkdir(parents=True, exist_ok=True)
     link = shim / "libGL.so.1"
     link.unlink(missing_ok=True)
     link.symlink_to(bundled[0])
-    os.execve(sys.executable, [sys.executable, *sys.argv], os.environ | wanted)
+    os.execve(sys.executable, [sys.executable, *sys.argv], os.environ | {"LD_LIBRARY_PATH": f"{shim}:{searched}"})
 
 
 def scene(order: dict, folder: Path) -> Path:
@@ -115,7 +114,7 @@ def main() -> None:
     """Run the order named on the command line."""
     order = json.loads(Path(sys.argv[1]).read_text())
     folder = Path(sys.argv[1]).resolve().parent
-    find_libraries(order, folder)
+    find_libraries(folder)
     import numpy as np
     import pysplishsplash as sph
 
@@ -127,6 +126,7 @@ def main() -> None:
     base.setTimeStepCB(watch)
     base.setValueFloat(base.STOP_AT, order["seconds"])
     base.runSimulation()
+    sph.Utilities.Timing.printTimeSums()
     np.savez(order["positions"], **watch.positions)
     figures = {
         "count": watch.model.numActiveParticles(), "mass": watch.model.getMass(0), "steps": watch.steps,
