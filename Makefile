@@ -1,7 +1,7 @@
 # Sets itself up in .venv on first use; nothing is done twice.
 #   make demo    water poured on a cotton cloth, as a film and a ledger, in outputs/seep/
 #   make test    what must hold
-#   make bench   seconds by stage on this machine, side by side with pySPlisHSPlasH, in outputs/bench/
+#   make bench   seconds by stage, side by side with pySPlisHSPlasH (20 minutes of an idle machine)
 #   make lint    style
 #   make lock    requirements.lock anew, from pyproject.toml (needs uv)
 

@@ -174,6 +174,7 @@ def _row(order: dict[str, Any], ours: list[dict], theirs: list[dict]) -> dict[st
     row = {"case": order["case"], "size": order["count"], "ours": a["s_per_s"], "rival": b.get("s_per_s")}
     row["ratio"] = a["s_per_s"] / b["s_per_s"] if b else None
     row |= {"our_error": a["error"], "rival_error": b.get("error")}
+    row["cpu_ratio"] = a["cpu_s_per_s"] / b["cpu_s_per_s"] if b else None
     row |= {"seconds": order["seconds"], "threads": order["threads"], "load": os.getloadavg()[0]}
     rest = [name for name in a if name not in ("s_per_s", "error")]
     return row | {f"{side}_{name}": of.get(name) for name in rest for side, of in (("our", a), ("rival", b))}
@@ -221,12 +222,12 @@ WORDS = {
 
 def _table(row: dict[str, Any], stages: list[dict[str, Any]]) -> str:
     """What a row says, as text."""
-    ratio = f"ratio {row['ratio']:.2f}" if row["ratio"] else ""
-    lines = [f"{row['case']:28}{'ours':>12}{'rival':>12}   {ratio}"]
+    ratio = f"ratio {row['ratio']:.2f}, of CPU {row['cpu_ratio']:.2f}" if row["ratio"] else ""
+    lines = [f"{row['case']:34}{'ours':>12}{'rival':>12}   {ratio}"]
     row = row | {"our_s_per_s": row["ours"], "rival_s_per_s": row["rival"]}
     for name, words in WORDS.items():
         cells = ("" if v is None else f"{v:.4g}" for v in (row[f"our_{name}"], row[f"rival_{name}"]))
-        lines.append(f"  {words:26}" + "".join(f"{cell:>12}" for cell in cells))
+        lines.append(f"  {words:32}" + "".join(f"{cell:>12}" for cell in cells))
     for side in ("ours", "rival"):
-        lines += [f"  {side}: {s['stage']:{24 - len(side)}}{s['ns']:12.0f} ns" for s in stages if s["side"] == side]
+        lines += [f"  {side}: {s['stage']:{30 - len(side)}}{s['ns']:12.0f} ns" for s in stages if s["side"] == side]
     return "\n".join(lines)
