@@ -155,7 +155,7 @@ def _sum_up(figures: dict[str, Any], order: dict[str, Any]) -> dict[str, float]:
         "steps": len(steps) + 1,
         "dt": steps[:, 1].mean(),
         "iterations": steps[:, 4].mean(),
-        "divergence_iterations": steps[:, 5].mean() if steps.shape[1] > 5 else 0.0,
+        "divergence_iterations": steps[:, 5].mean(),
         "neighbours": samples[:, 3].mean(),
         "error": samples[:, 1].mean(),
         "densest": samples[:, 2].max(),

@@ -55,9 +55,7 @@ def scene(order: dict, folder: Path) -> Path:
         "particleRadius": 0.5 * d, "density0": order["rest_density"], "simulationMethod": METHODS[order["method"]],
         "gravitation": [0, -order["gravity"], 0], "timeStepSize": order["step"] if fixed else order["dt_max"],
         "cflMethod": 0 if fixed else 1, "cflFactor": order["cfl"] / 0.4, "cflMaxTimeStepSize": order["dt_max"],
-        "maxIterations": 100, "maxError": 100 * order["density_error"],
-        "maxIterationsV": 100, "maxErrorV": 100 * order["divergence_error"], "enableDivergenceSolver": True,
-        "stiffness": order["stiffness"], "exponent": 7, "velocityUpdateMethod": 0, "boundaryHandlingMethod": 2,
+        "boundaryHandlingMethod": 2,
     }  # fmt: skip
     tank = {
         "geometryFile": str(mesh), "translation": [0, 0.5 * lz, 0], "scale": [lx, lz, ly], "isDynamic": False,
@@ -76,6 +74,22 @@ def scene(order: dict, folder: Path) -> Path:
     return path
 
 
+def set_solver(solver, order: dict) -> None:
+    """Tolerances and stiffness. Set by hand: from the scene file 2.19 reads none of a solver, and says nothing."""
+    real = {
+        "maxError": 100 * order["density_error"], "maxErrorV": 100 * order["divergence_error"],
+        "stiffness": order["stiffness"], "exponent": 7.0,
+    }  # fmt: skip
+    for k in range(solver.numParameters()):
+        name = solver.getName(k)
+        if name in real:
+            solver.setValueFloat(k, real[name])
+            if abs(solver.getValueFloat(k) / real[name] - 1.0) > 1e-5:
+                sys.exit(f"{name} cannot be set to {real[name]}")
+        elif name in ("maxIterations", "maxIterationsV"):
+            solver.setValueUInt(k, 100)
+
+
 class Watch:
     """Called after every step: what it took, and now and then what it made. Its own time is not counted."""
 
@@ -83,13 +97,13 @@ class Watch:
         self.model, self.clock, self.order, self.simulation = simulation.getFluidModel(0), clock, order, simulation
         self.solver = simulation.getTimeStep()
         names = [self.solver.getName(k) for k in range(self.solver.numParameters())]
-        self.counters = {n: names.index(n) for n in ("iterations", "iterationsV") if n in names}
+        self.counters = [names.index(n) if n in names else None for n in ("iterations", "iterationsV")]
         self.steps, self.samples, self.positions, self.frames = [], [], {}, 0
         self.wall, self.cpu = time.perf_counter(), time.process_time()
 
     def __call__(self) -> None:
         wall, cpu = time.perf_counter() - self.wall, time.process_time() - self.cpu
-        iterations = [self.solver.getValueUInt(k) for k in self.counters.values()]
+        iterations = [0 if k is None else self.solver.getValueUInt(k) for k in self.counters]
         self.steps.append([self.clock.getTime(), self.clock.getTimeStepSize(), wall, cpu, *iterations])
         if self.clock.getTime() >= self.frames * self.order["sample"] - 1e-9:
             self._look()
@@ -122,6 +136,7 @@ def main() -> None:
     where = str(scene(order, folder))
     base.init(sceneFile=where, useGui=False, initialPause=False, outputDir=str(folder / "out"), stopAt=order["seconds"])
     base.initSimulation()
+    set_solver(sph.Simulation.getCurrent().getTimeStep(), order)
     watch = Watch(sph.Simulation.getCurrent(), sph.TimeManager.getCurrent(), order)
     base.setTimeStepCB(watch)
     base.setValueFloat(base.STOP_AT, order["seconds"])
