@@ -99,7 +99,6 @@ def orders(duel: Duel, threads: int) -> dict[str, Any]:
     """A duel's scene in plain numbers, all that either side is given. SI, z up; for sim/studies/peers, as JSON."""
     scene = config.load(SCENE, duel.overrides())
     fluid, params, block = scene.fluid, scene.fluid.params, scene.fluid.block["cube"]
-    tolerance = config.load(SCENE).fluid.params
     return {
         "case": duel.name,
         "method": duel.method,
@@ -113,8 +112,7 @@ def orders(duel: Duel, threads: int) -> dict[str, Any]:
         "cfl": params.cfl,
         "dt_max": scene.run.dt_max,
         "step": duel.step,
-        "density_error": tolerance.density_error,
-        "divergence_error": tolerance.divergence_error,
+        "density_error": config.load(SCENE).fluid.params.density_error,
         "stiffness": fluid.liquid.rest_density * getattr(params, "sound_speed", 0.0) ** 2 / 7.0,
         "seconds": duel.seconds,
         "sample": SAMPLE,
@@ -154,8 +152,9 @@ def _sum_up(figures: dict[str, Any], order: dict[str, Any]) -> dict[str, float]:
         "cpu_ns": 1e9 * steps[:, 3].mean() / figures["count"],
         "steps": len(steps) + 1,
         "dt": steps[:, 1].mean(),
-        "iterations": steps[:, 4].mean(),
-        "divergence_iterations": steps[:, 5].mean(),
+        "iterations": steps[:, 4:].sum(1).mean(),
+        "iterations_first": steps[:, 4].mean(),
+        "iterations_second": steps[:, 5].mean(),
         "neighbours": samples[:, 3].mean(),
         "error": samples[:, 1].mean(),
         "densest": samples[:, 2].max(),
@@ -167,17 +166,19 @@ def _sum_up(figures: dict[str, Any], order: dict[str, Any]) -> dict[str, float]:
 
 def _row(order: dict[str, Any], ours: list[dict], theirs: list[dict]) -> dict[str, Any]:
     """A line of bench.csv: medians over the runs."""
+    sides = {"our": ours, "rival": theirs}
     a, b = (
         {name: median(run[name] for run in runs) for name in runs[0]} if runs else {}
-        for runs in ([_sum_up(figures, order) for figures in side] for side in (ours, theirs))
+        for runs in ([_sum_up(figures, order) for figures in side] for side in sides.values())
     )
     row = {"case": order["case"], "size": order["count"], "ours": a["s_per_s"], "rival": b.get("s_per_s")}
     row["ratio"] = a["s_per_s"] / b["s_per_s"] if b else None
     row |= {"our_error": a["error"], "rival_error": b.get("error")}
     row["cpu_ratio"] = a["cpu_s_per_s"] / b["cpu_s_per_s"] if b else None
     row |= {"seconds": order["seconds"], "threads": order["threads"], "load": os.getloadavg()[0]}
+    row |= {f"{side}_solves": " ".join(runs[0]["solves"]) if runs else None for side, runs in sides.items()}
     rest = [name for name in a if name not in ("s_per_s", "error")]
-    return row | {f"{side}_{name}": of.get(name) for name in rest for side, of in (("our", a), ("rival", b))}
+    return row | {f"{side}_{name}": of.get(name) for name in rest for side, of in zip(sides, (a, b))}
 
 
 def _stages(order: dict[str, Any], side: str, runs: list[dict]) -> list[dict[str, Any]]:
@@ -210,8 +211,10 @@ WORDS = {
     "cpu_s_per_s": "CPU s per simulated s",
     "ns": "ns per particle and step",
     "steps": "steps",
-    "iterations": "density iterations a step",
-    "divergence_iterations": "divergence iterations",
+    "solves": "pressure solves of a step",
+    "iterations": "iterations a step",
+    "iterations_first": "  in the first solve",
+    "iterations_second": "  in the second",
     "neighbours": "neighbours",
     "error": "mean density error",
     "common_error": "  by one measure for both",
@@ -223,11 +226,12 @@ WORDS = {
 def _table(row: dict[str, Any], stages: list[dict[str, Any]]) -> str:
     """What a row says, as text."""
     ratio = f"ratio {row['ratio']:.2f}, of CPU {row['cpu_ratio']:.2f}" if row["ratio"] else ""
-    lines = [f"{row['case']:34}{'ours':>12}{'rival':>12}   {ratio}"]
+    lines = [f"{row['case']:30}{'ours':>20}{'rival':>20}   {ratio}"]
     row = row | {"our_s_per_s": row["ours"], "rival_s_per_s": row["rival"]}
     for name, words in WORDS.items():
-        cells = ("" if v is None else f"{v:.4g}" for v in (row[f"our_{name}"], row[f"rival_{name}"]))
-        lines.append(f"  {words:32}" + "".join(f"{cell:>12}" for cell in cells))
+        cells = (row[f"{side}_{name}"] for side in ("our", "rival"))
+        texts = ("" if c is None else c if isinstance(c, str) else f"{c:.4g}" for c in cells)
+        lines.append(f"  {words:28}" + "".join(f"{text:>20}" for text in texts))
     for side in ("ours", "rival"):
-        lines += [f"  {side}: {s['stage']:{30 - len(side)}}{s['ns']:12.0f} ns" for s in stages if s["side"] == side]
+        lines += [f"  {side}: {s['stage']:{26 - len(side)}}{s['ns']:20.0f} ns" for s in stages if s["side"] == side]
     return "\n".join(lines)

@@ -40,7 +40,8 @@ def _run(scene: str, overrides: list[str], order: dict[str, Any]) -> dict[str, A
 class Watch:
     """Steps a World as `World.advance` does and notes what it took; looking at the water is not counted.
 
-    steps      a row a step: time after it [s], dt [s], wall [s], CPU [s], iterations for density and for divergence
+    steps      a row a step: time after it [s], dt [s], wall [s], CPU [s], iterations of its first and second solve
+    solves     what these solve for
     samples    a row every order["sample"] seconds: time, mean of max(rho/rho0 - 1, 0), largest rho/rho0, neighbours
     positions  (n, 3) [m] by time, at every order["keep"]th sample
     stages     wall [s] by name
@@ -49,6 +50,7 @@ class Watch:
     def __init__(self, world: Any, order: dict[str, Any]):
         self.world, self.order = world, order
         self.steps, self.samples, self.positions, self.stages = [], [], {}, defaultdict(float)
+        self.solves: list[str] = []
         self.looks = 0
 
     def step(self) -> None:
@@ -65,14 +67,16 @@ class Watch:
         for name, seconds in zip(["limits", *(s.name for s in world.stages)], np.diff(laps)):
             self.stages[name] += seconds
         iterations = world.build.parts["pressure"].iterations
-        self.steps.append([world.clock.time, dt, laps[-1] - laps[0], cpu, *iterations.values()])
+        if any(iterations.values()):
+            self.solves = list(iterations)
+        self.steps.append([world.clock.time, dt, laps[-1] - laps[0], cpu, *(*iterations.values(), 0, 0)[:2]])
         if world.clock.time >= self.looks * self.order["sample"] - 1e-9:
             self._look()
 
     def figures(self) -> dict[str, Any]:
         """All of it, with the most memory that the process had [bytes]."""
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-        kept = {name: getattr(self, name) for name in ("steps", "samples", "positions")}
+        kept = {name: getattr(self, name) for name in ("steps", "solves", "samples", "positions")}
         return kept | {"stages": dict(self.stages), "count": self.order["count"], "memory": memory}
 
     def _look(self) -> None:
