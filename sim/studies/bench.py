@@ -229,7 +229,9 @@ def _table(row: dict[str, Any], stages: list[dict[str, Any]]) -> str:
     lines = [f"{row['case']:30}{'ours':>20}{'rival':>20}   {ratio}"]
     row = row | {"our_s_per_s": row["ours"], "rival_s_per_s": row["rival"]}
     for name, words in WORDS.items():
-        cells = (row[f"{side}_{name}"] for side in ("our", "rival"))
+        cells = [row[f"{side}_{name}"] for side in ("our", "rival")]
+        if not any(cells):  # a method without a pressure solve
+            continue
         texts = ("" if c is None else c if isinstance(c, str) else f"{c:.4g}" for c in cells)
         lines.append(f"  {words:28}" + "".join(f"{text:>20}" for text in texts))
     for side in ("ours", "rival"):
