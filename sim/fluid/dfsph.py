@@ -10,8 +10,9 @@ from sim.schema import Model, option, quantity
 from sim.stage import Build, Stage
 from sim.state import Row
 
-FINEST = 2e-6
-"""[1] No mean residual is asked to be below this: single precision knows no better."""
+FINEST, COARSEST = 2e-6, 1e-3
+"""[1] No mean residual of the velocity is asked to be below this, which is all that single precision knows, nor allowed
+to be above that."""
 
 
 @register("fluid.pressure", "dfsph")
@@ -28,12 +29,9 @@ class Dfsph:
     """
 
     class Params(Model):
-        density_error: float = quantity(3e-4, ge=1e-5, le=0.05, why="mean compression that a step's way may end with")
+        density_error: float = quantity(3e-4, ge=1e-5, le=0.05, why="mean compression that a step may end with")
         divergence_error: float = quantity(
-            0.02,
-            ge=1e-4,
-            le=10,
-            why="mean compression in a step that v may keep, over g dt^2/dx; at 0.5 a pool simmers",
+            0.1, ge=1e-4, le=0.5, why="share of the compression that forces bring in a step which v may keep"
         )
         iterations_max: int = quantity(100, ge=1, why="a cap; the residual ends it sooner")
         cfl: float = quantity(0.4, gt=0, le=1, why="dt <= cfl spacing / max speed")
@@ -54,7 +52,6 @@ class Dfsph:
         self.x, self.v, self.mass, self.density, _, self.pressure_acceleration = (build.state[n] for n in self.rows)
         self.kappa, self.kappa_way, self.diagonal, self.guess, self.u = (build.state[row.name] for row in self.scratch)
         self.support = build.config.fluid.support
-        self.spacing = build.config.fluid.spacing
         self.rest_density = build.config.fluid.liquid.rest_density
         self.motion = Motion(build, terms, params.cfl, way=self.u)
         self.projection = Projection(self)
@@ -80,8 +77,10 @@ class Dfsph:
     def solve(self, dt: float) -> None:
         """Velocity, then way."""
         p = self.params
-        share = max(p.divergence_error * self.motion.pull() * dt * dt / self.spacing, FINEST)
-        self.iterations["velocity"] = self.projection.solve(self.kappa, dt, share, p.iterations_max, 0.0)
+        share = p.divergence_error * self.projection.demand(dt)
+        self.iterations["velocity"] = self.projection.solve(
+            self.kappa, dt, min(max(share, FINEST), COARSEST), p.iterations_max, 0.0
+        )
         self._take(dt)
         self.iterations["way"] = self.projection.solve(self.kappa_way, dt, p.density_error, p.iterations_max, 1.0)
 

@@ -1,7 +1,5 @@
 """What pressure methods share: gravity and the scene's terms, the move, and the step that speed allows."""
 
-import math
-
 import taichi as ti
 
 from sim import runtime
@@ -25,7 +23,6 @@ class Motion:
         self.x, self.v, self.acceleration = (build.state[name] for name in self.rows)
         self.way, self.own_way = way, way is not None
         self.gravity = ti.Vector([float(g) for g in build.config.space.gravity])
-        self.weight = math.sqrt(sum(g * g for g in build.config.space.gravity))
         self.few = runtime.few(build.state.sizes["fluid"])
         self.reach = cfl * build.config.fluid.spacing
 
@@ -44,10 +41,6 @@ class Motion:
     def move(self, dt: float) -> None:
         """x += dt v, kept out of solids."""
         self._move(dt)
-
-    def pull(self) -> float:
-        """The acceleration that pressure answers to [m/s^2]: gravity's, or without it the largest of the terms."""
-        return self.weight or self._strongest()
 
     def _of_terms(self) -> Limit:
         return min((term.limit() for term in self.terms), default=Limit(float("inf"), "no term"))
@@ -87,11 +80,3 @@ class Motion:
         for i in range(self.state.count[None]):
             ti.atomic_max(fastest, self.v[i].norm_sqr())
         return ti.sqrt(fastest)
-
-    @ti.kernel
-    def _strongest(self) -> float:
-        strongest = 0.0
-        ti.loop_config(serialize=self.few)
-        for i in range(self.state.count[None]):
-            ti.atomic_max(strongest, self.acceleration[i].norm_sqr())
-        return ti.sqrt(strongest)

@@ -64,6 +64,41 @@ class Projection:
                 step, age, first = 0.5 * step, 0, float("inf")
         return iteration
 
+    def demand(self, dt: float) -> float:
+        """Mean over particles of the compression that v would bring within dt [1]."""
+        return self._demand(dt, self.pairs.neighbour, self.pairs.gradient)[0]
+
+    @ti.kernel
+    def _demand(self, dt: float, neighbour: ti.template(), gradient: ti.template()) -> ti.types.vector(3, ti.f64):
+        count = self.o.state.count[None]
+        for turn in range((count + BLOCK - 1) // BLOCK * TURNS):
+            if turn % TURNS == 0:
+                total = 0.0
+                for i in range(turn // TURNS * BLOCK, ti.min((turn // TURNS + 1) * BLOCK, count)):
+                    total += ti.max(self._rate(self.o.v, i, neighbour, gradient), 0.0) * dt / self.o.rest_density
+                self.partial[turn // TURNS] = ti.Vector([total, 0.0, 0.0])
+        return self._mean(count)
+
+    @ti.func
+    def _rate(self, u: ti.template(), i, neighbour: ti.template(), gradient: ti.template()):
+        """D rho_i/Dt of velocities u."""
+        own = u[i]
+        rate = own.dot(self.o.walls.gradient[i])
+        for k in range(self.pairs.start[i], self.pairs.stop[i]):
+            rate += (own - u[neighbour[k]]).dot(gradient[k])
+        return rate
+
+    @ti.func
+    def _mean(self, count):
+        """Over particles, of the first two partial sums; the largest third."""
+        left, worst = ti.Vector([0.0, 0.0], ti.f64), ti.f64(0.0)
+        ti.loop_config(serialize=True)
+        for block in range((count + BLOCK - 1) // BLOCK):
+            left += self.partial[block].xy
+            worst = ti.max(worst, self.partial[block][2])
+        left /= ti.max(count, 1)
+        return ti.Vector([left[0], left[1], worst])
+
     @ti.kernel
     def _begin(self, kappa: ti.template()):
         ti.loop_config(serialize=self.few)
@@ -97,13 +132,7 @@ class Projection:
         for turn in range((count + BLOCK - 1) // BLOCK * TURNS):
             if turn % TURNS == 0:
                 self._relax_block(kappa, turn // TURNS, dt, correct, step, momentum, neighbour, gradient)
-        left, worst = ti.Vector([0.0, 0.0], ti.f64), ti.f64(0.0)
-        ti.loop_config(serialize=True)
-        for block in range((count + BLOCK - 1) // BLOCK):
-            left += self.partial[block].xy
-            worst = ti.max(worst, self.partial[block][2])
-        left /= ti.max(count, 1)
-        return ti.Vector([left[0], left[1], worst])
+        return self._mean(count)
 
     @ti.func
     def _relax_block(
@@ -120,10 +149,7 @@ class Projection:
         count = self.o.state.count[None]
         total, worst = ti.Vector([0.0, 0.0]), 0.0
         for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
-            u = self.o.u[i]
-            rate = u.dot(self.o.walls.gradient[i])
-            for k in range(self.pairs.start[i], self.pairs.stop[i]):
-                rate += (u - self.o.u[neighbour[k]]).dot(gradient[k])
+            rate = self._rate(self.o.u, i, neighbour, gradient)
             one = self._step(kappa, i, rate, dt, correct, step, momentum)
             total += one
             worst = ti.max(worst, one[0])
