@@ -24,6 +24,7 @@ class World:
 
     World(config)      at t = 0, the cloth settled
     advance()          simulate to the next frame and return it; raises DivergedError with the state of the failure
+    step()             one time step of it
     snapshot()         the Frame now; static: what does not change
     save(), load()     the whole state, bit for bit
     ledger_row()       dict of ledger.csv's columns, summary(): dict for run.json
@@ -102,17 +103,22 @@ class World:
 
     def advance(self) -> Frame:
         """Simulate to the next frame."""
-        self.steps_in_frame = 0
-        ended = False
-        while not ended:
-            dt = self.clock.next_step(self.stages)
-            self._step(dt)
-            ended = self.clock.advance(dt)
-            self.steps_in_frame += 1
-            self._note_firsts()
-        frame = self.snapshot()
-        self._check()
-        return frame
+        while not self.step():
+            pass
+        return self.snapshot()
+
+    def step(self) -> bool:
+        """One time step; True when it ended a frame, which the guard has then looked at."""
+        if self.clock.elapsed == 0.0:
+            self.steps_in_frame = 0
+        dt = self.clock.next_step(self.stages)
+        self._step(dt)
+        ended = self.clock.advance(dt)
+        self.steps_in_frame += 1
+        self._note_firsts()
+        if ended:
+            self._check()
+        return ended
 
     def _step(self, dt: float) -> None:
         for stage in self.stages:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import multiprocessing
-import time
+import signal
+import traceback
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
+
+from sim.errors import CapacityError, SeepError
 
 
 @dataclass(frozen=True)
 class Point:
-    """One run of a case: what is laid over its scene, as --set would, and in which precision."""
+    """One run of a case: what is laid over its scene, as --set would, in which precision, and bounds of its own."""
 
     overrides: tuple[str, ...] = ()
     precision: str = "f32"
+    bounds: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -38,12 +42,54 @@ class Case:
 
 
 def run_point(case: Case, point: Point, threads: int = 0) -> dict[str, Any]:
-    """Figures of one point, run in a fresh process, with what it cost.
+    """Figures of one point, run in a fresh process, with what it cost (see `cost`).
 
-    Adds seconds_per_simulated_second, steps, iterations, particles. Errors of the run (a divergence, say) are raised.
+    Errors of the run are raised; those of physics and capacity carry the cost up to there as `error.cost`.
     """
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        return pool.apply(_run, (case, point, threads))
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe(duplex=False)
+    child = context.Process(target=_answer, args=(theirs, case, point, threads), daemon=True)
+    child.start()
+    theirs.close()
+    try:
+        answer = ours.recv()
+    except EOFError:
+        child.join()
+        raise CapacityError(f"{case.name}: its process ended with {child.exitcode}; out of memory, it seems") from None
+    finally:
+        child.terminate()
+        child.join()
+    if isinstance(answer, BaseException):
+        raise answer
+    return answer
+
+
+def cost(world: Any) -> dict[str, Any]:
+    """What a run has cost: seconds_per_simulated_second [1], dt (mean) [s], steps, iterations, particles, peak_memory [B].
+
+    Kernels are compiled before the clock starts, so these are the seconds of the method.
+    """
+    simulated, steps = world.clock.time, world.clock.step
+    return {
+        "seconds_per_simulated_second": sum(world.seconds.values()) / simulated if simulated else 0.0,
+        "dt": simulated / max(steps, 1),
+        "steps": steps,
+        "iterations": world.iterations,
+        "particles": int(world.state.count[None]) if world.config.fluid else 0,
+        "peak_memory": _peak_memory(),
+    }
+
+
+def _answer(pipe, case: Case, point: Point, threads: int) -> None:
+    """The child: its figures, or the exception that ended it, through the pipe."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        answer = _run(case, point, threads)
+    except BaseException as error:
+        error.add_note(traceback.format_exc())
+        answer = error
+    pipe.send(answer)
+    pipe.close()
 
 
 def _run(case: Case, point: Point, threads: int) -> dict[str, Any]:
@@ -54,11 +100,25 @@ def _run(case: Case, point: Point, threads: int) -> dict[str, Any]:
     runtime.start(threads=threads or None, precision=point.precision)
     registry.discover()
     world = World(load(case.scene, overrides=[f'run.precision="{point.precision}"', *point.overrides]))
-    began = time.perf_counter()
-    figures = dict(case.measure(world))
-    seconds = sum(world.seconds.values()) or time.perf_counter() - began
-    figures["seconds_per_simulated_second"] = seconds / max(world.clock.time, 1e-12)
-    figures |= {"steps": world.clock.step, "iterations": world.iterations}
-    figures["particles"] = int(world.state.count[None]) if world.config.fluid else 0
+    start = world.save()
+    world.step()
+    world.load(start)
+    world.seconds.clear()
+    try:
+        figures = {name: float(value) for name, value in case.measure(world).items()}
+    except SeepError as error:
+        error.cost = cost(world)
+        raise
+    figures |= cost(world)
     runtime.stop()
     return figures
+
+
+def _peak_memory() -> int:
+    """Largest resident set of this process so far [B]; 0 where the system does not tell."""
+    try:
+        import resource
+        import sys
+    except ImportError:
+        return 0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
