@@ -146,6 +146,40 @@ def view(
 
 
 @app.command()
+def chart(
+    topic: Annotated[str, typer.Argument(help="A study in configs/studies, such as water.")],
+    check: Annotated[bool, typer.Option("--check", help="Only what has a bound; exit 1 where one is missed.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Coarse, within a minute.")] = False,
+    row: Annotated[str | None, typer.Option(metavar="ID", help="Run one row again; print it beside the old.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of CSV and PNG; else outputs/chart/TOPIC.")] = None,
+    anew: Annotated[bool, typer.Option("--anew", help="Run rows again that the CSV has already.")] = False,
+    threads: Threads = None,
+) -> None:
+    """Error over time for every method, and whether each case comes to what it must. A cut chart goes on."""
+    from sim.run import OUTPUTS
+    from sim.studies import chart as charts
+    from sim.studies import report, table
+
+    plan = charts.plan(topic, quick, check)
+    path = (out or OUTPUTS / "chart" / topic) / f"{topic}{'-quick' if quick else ''}.csv"
+    if row:
+        job = charts.find(plan, row)
+        old = {r["id"]: r for r in table.read(path)}.get(job.id) if path.exists() else None
+        print(report.compared(old, charts.run_job(job, plan, threads or 0)))
+        return
+    rows = []
+    with _progress(f"chart {topic}", len(plan.jobs)) as reach:
+        for done in charts.run(plan, path, threads or 0, anew):
+            rows.append(done)
+            reach(len(rows))
+    print("\n".join(part for part in (report.text(rows), report.choices(rows, plan.levels)) if part))
+    _study_chart(path)
+    print(f"{path}, {path.with_suffix('.png')}")
+    if check:
+        report.hold(topic, rows)
+
+
+@app.command()
 def doctor(
     scene: Annotated[str | None, typer.Argument(help="A scene: its cost and limits.")] = None,
 ) -> None:
@@ -280,6 +314,12 @@ def _chart(folder) -> None:
     from render import charts
 
     charts.ledger_chart(folder.ledger, folder.path / "ledger.png")
+
+
+def _study_chart(path: Path) -> None:
+    from render.study import study_chart
+
+    study_chart(path, path.with_suffix(".png"))
 
 
 @contextmanager

@@ -29,3 +29,9 @@ class RunError(SeepError):
     """Disk, device or run folder failed; the last good state is kept."""
 
     exit_code = 4
+
+
+class MissedError(SeepError):
+    """A study's figure lies beyond its bound: names row, figure, value and bound."""
+
+    exit_code = 1

@@ -65,7 +65,7 @@ def run_point(case: Case, point: Point, threads: int = 0) -> dict[str, Any]:
 
 
 def cost(world: Any) -> dict[str, Any]:
-    """What a run has cost: seconds_per_simulated_second [1], dt (mean) [s], steps, iterations, particles, peak_memory [B].
+    """What a run has cost: seconds_per_simulated_second, dt (mean) [s], steps, iterations, particles, peak_memory [B].
 
     Kernels are compiled before the clock starts, so these are the seconds of the method.
     """

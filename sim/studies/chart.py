@@ -1,0 +1,171 @@
+"""A chart: points of cases and sweeps run one after another into a CSV, which a cut chart goes on from."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+from sim import config, registry
+from sim.errors import CapacityError, ConfigError, DivergedError
+from sim.run import VERSION
+from sim.studies import table
+from sim.studies.case import Case, Point, run_point
+from sim.studies.study import Study, cases, load
+from sim.studies.table import Row
+
+SIM = Path(__file__).resolve().parents[1]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One row to be: a point of a case. checked: held to its bounds; swept: on the chart of error over time."""
+
+    case: Case
+    point: Point
+    checked: bool = False
+    swept: bool = False
+
+    @property
+    def id(self) -> str:
+        """The case's name, and a hash of what is run: the same on every machine and in every version."""
+        run = [self.case.name, self.case.scene, self.point.precision, *self.point.overrides]
+        return f"{self.case.name}-{hashlib.sha256(repr(run).encode()).hexdigest()[:6]}"
+
+    @property
+    def bounds(self) -> dict[str, float]:
+        """figure -> largest absolute value allowed."""
+        return self.case.bounds | self.point.bounds if self.checked else {}
+
+    def config(self):
+        """The scene as this point runs it. ConfigError if it is none."""
+        return config.load(self.case.scene, [f'run.precision="{self.point.precision}"', *self.point.overrides])
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a chart runs, and which method and errors its study marks."""
+
+    topic: str
+    jobs: tuple[Job, ...]
+    report: str
+    levels: tuple[float, ...]
+
+
+def plan(topic: str, quick: bool = False, check_only: bool = False) -> Plan:
+    """The points of all cases, then of all sweeps; each once. ConfigError if the study or a scene is wrong."""
+    study, found = load(topic, quick), cases(topic)
+    jobs = [Job(c, p, checked=True) for c in found.values() for p in (c.quick if quick else c.full)]
+    jobs += [Job(found[name], point, swept=True) for name in study.sweep for point in _swept(study, name)]
+    once: dict[str, Job] = {}
+    for job in jobs:
+        same = once.get(job.id)
+        once[job.id] = replace(same, swept=True) if same else job
+    kept = tuple(job for job in once.values() if job.checked or not check_only)
+    for job in kept:
+        job.config()
+    return Plan(topic, kept, study.report, study.levels)
+
+
+def _swept(study: Study, name: str) -> list[Point]:
+    """Method x spacing x setting x dt of one sweep. A method that the study does not name runs as it comes."""
+    sweep, points = study.sweep[name], []
+    for method in registry.methods("fluid.pressure"):
+        steps = sweep.method.get(method)
+        settings = steps.settings if steps else ((),)
+        limits = (steps.dt if steps else ()) or (None,)
+        for spacing in sweep.spacing or (None,):
+            for setting in settings:
+                for dt in limits:
+                    given = {"fluid.method": method, "fluid.spacing": spacing, "run.dt_max": dt}
+                    texts = [f"{key}={value}" for key, value in given.items() if value is not None]
+                    points.append(Point((*sweep.overrides, *texts, *setting)))
+    return points
+
+
+def run(plan: Plan, path: Path, threads: int = 0, anew: bool = False) -> Iterator[Row]:
+    """Run what is not in the CSV yet, or was run by other code; yields each row of the plan in order, written to disk.
+
+    Rows of points outside the plan stay in the file as they are.
+    """
+    there = {row["id"]: row for row in table.read(path)} if path.exists() else {}
+    done: dict[str, Row] = {}
+    for job in plan.jobs:
+        old = there.get(job.id)
+        if anew or not old or old["version"] != version(job) or _roles(old) != _roles(_frame(job, plan)):
+            done[job.id] = run_job(job, plan, threads)
+        else:
+            done[job.id] = old
+        rest = {name: row for name, row in there.items() if name not in done}
+        table.write(path, table.marked([*done.values(), *rest.values()], plan.levels))
+        yield done[job.id]
+
+
+def run_job(job: Job, plan: Plan, threads: int = 0) -> Row:
+    """One row; a run that diverges or does not fit is a row too, failed, with the reason."""
+    row = _frame(job, plan)
+    try:
+        figures = run_point(job.case, job.point, threads)
+        reason = ""
+    except (DivergedError, CapacityError) as error:
+        figures, reason = getattr(error, "cost", {}), str(error)
+    for name, value in figures.items():
+        row[name] = table.cell(value)
+    missed = [] if reason else table.missed(row)
+    row["ok"] = "0" if reason or missed else "1"
+    row["message"] = reason or "; ".join(missed)
+    return row
+
+
+def find(plan: Plan, name: str) -> Job:
+    """The job of an id, or of its beginning. ConfigError if there is none, or more than one."""
+    near = [job for job in plan.jobs if job.id.startswith(name)]
+    exact = [job for job in near if job.id == name]
+    if len(exact or near) != 1:
+        there = ", ".join(job.id for job in near or plan.jobs)
+        raise ConfigError(f"--row {name}: {'several rows' if near else 'no row'} of this name; there are {there}")
+    return (exact or near)[0]
+
+
+def version(job: Job) -> str:
+    """Of the code and the scene that make a row: a row of another version is run again."""
+    scene = config.resolved_toml(job.config())
+    own = _digest((Path(inspect.getfile(job.case.measure)), SIM / "studies/case.py"))
+    return f"{VERSION}+{hashlib.sha256((_simulation() + own + scene).encode()).hexdigest()[:8]}"
+
+
+@cache
+def _simulation() -> str:
+    return _digest(tuple(sorted(p for p in SIM.rglob("*.py") if SIM / "studies" not in p.parents)))
+
+
+@cache
+def _digest(files: tuple[Path, ...]) -> str:
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+
+
+def _frame(job: Job, plan: Plan) -> Row:
+    """What a row says before it is run."""
+    scene = job.config()
+    fluid = scene.fluid
+    return table.blank() | {
+        "id": job.id,
+        "version": version(job),
+        "case": job.case.name,
+        "reference": job.case.reference,
+        "scene": job.case.scene,
+        "method": fluid.method if fluid else "",
+        "role": " ".join(["check"] * job.checked + ["sweep"] * job.swept),
+        "report": "1" if fluid and fluid.method == plan.report else "",
+        "spacing": table.cell(fluid.spacing) if fluid else "",
+        "precision": job.point.precision,
+        "overrides": "; ".join(job.point.overrides),
+        "bounds": " ".join(f"{figure}<={bound:g}" for figure, bound in job.bounds.items()),
+    }
+
+
+def _roles(row: Row) -> tuple[str, str, str]:
+    return row["role"], row["bounds"], row["report"]
