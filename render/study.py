@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from render.charts import STYLE, plt, save
 from sim.errors import RunError
@@ -18,7 +18,7 @@ HELD, MISSED = "#2f8f83", "#c0392b"
 
 
 def study_chart(csv_path: Path, png_path: Path) -> None:
-    """Error over seconds per simulated second of each swept case, and every figure over its bound. RunError if unreadable."""
+    """Error over seconds per simulated second of each swept case, and figures over their bounds. RunError if unreadable."""
     rows = _rows(csv_path)
     cases = list(dict.fromkeys(r["case"] for r in rows if "sweep" in r["role"]))
     checks = [(r, *pair) for r in rows if r["bounds"] for pair in _held(r)]
@@ -90,6 +90,9 @@ def _sweep(axes, case: str, rows: list[dict[str, str]], methods: list[str]) -> N
     axes.set_title(f"{case.replace('_', ' ')}" + (f"   ({first})" if first else ""))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{100.0 * value:g} %"))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = axis.get_view_interval()
+        axis.set_minor_formatter(axis.get_major_formatter() if high < 20.0 * low else NullFormatter())
     axes.grid(True, which="minor", alpha=0.1)
     _legend(axes, rows, methods, spacings, bool(failed))
 

@@ -95,7 +95,7 @@ def run(plan: Plan, path: Path, threads: int = 0, anew: bool = False) -> Iterato
     done: dict[str, Row] = {}
     for job in plan.jobs:
         old = there.get(job.id)
-        if anew or not old or old["version"] != version(job) or _roles(old) != _roles(_frame(job, plan)):
+        if anew or not old or old["recipe"] != recipe(job) or _roles(old) != _roles(_frame(job, plan)):
             done[job.id] = run_job(job, plan, threads)
         else:
             done[job.id] = old
@@ -130,16 +130,18 @@ def find(plan: Plan, name: str) -> Job:
     return (exact or near)[0]
 
 
-def version(job: Job) -> str:
-    """Of the code and the scene that make a row: a row of another version is run again."""
-    scene = config.resolved_toml(job.config())
-    own = _digest((Path(inspect.getfile(job.case.measure)), SIM / "studies/case.py"))
-    return f"{VERSION}+{hashlib.sha256((_simulation() + own + scene).encode()).hexdigest()[:8]}"
+def recipe(job: Job) -> str:
+    """Of the code, the case and the scene that make a row: a row of another recipe is run again."""
+    case = _digest((Path(inspect.getfile(job.case.measure)), SIM / "studies/case.py"))
+    made_of = version() + case + config.resolved_toml(job.config())
+    return hashlib.sha256(made_of.encode()).hexdigest()[:8]
 
 
 @cache
-def _simulation() -> str:
-    return _digest(tuple(sorted(p for p in SIM.rglob("*.py") if SIM / "studies" not in p.parents)))
+def version() -> str:
+    """Of the program: its number, and a hash of sim/ without the studies."""
+    files = sorted(p for p in SIM.rglob("*.py") if SIM / "studies" not in p.parents)
+    return f"{VERSION}+{_digest(tuple(files))[:8]}"
 
 
 @cache
@@ -153,7 +155,8 @@ def _frame(job: Job, plan: Plan) -> Row:
     fluid = scene.fluid
     return table.blank() | {
         "id": job.id,
-        "version": version(job),
+        "version": version(),
+        "recipe": recipe(job),
         "case": job.case.name,
         "reference": job.case.reference,
         "scene": job.case.scene,

@@ -15,7 +15,7 @@ Row = dict[str, str]
 
 FIRST = (
     "id case method spacing dt error bounds seconds_per_simulated_second ok message particles steps iterations "
-    "peak_memory role report front best precision scene overrides reference version"
+    "peak_memory role report front best precision scene overrides reference version recipe"
 ).split()
 """Columns of every chart [SI]; figures of the cases follow in the order of their appearance.
 
