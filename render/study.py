@@ -18,7 +18,7 @@ HELD, MISSED = "#2f8f83", "#c0392b"
 
 
 def study_chart(csv_path: Path, png_path: Path) -> None:
-    """Error over seconds per simulated second of each swept case, and figures over their bounds. RunError if unreadable."""
+    """Error over seconds per simulated second of each swept case, and every bound. RunError if unreadable."""
     rows = _rows(csv_path)
     cases = list(dict.fromkeys(r["case"] for r in rows if "sweep" in r["role"]))
     checks = [(r, *pair) for r in rows if r["bounds"] for pair in _held(r)]
