@@ -22,18 +22,18 @@ def study_chart(csv_path: Path, png_path: Path) -> None:
     rows = _rows(csv_path)
     cases = list(dict.fromkeys(r["case"] for r in rows if "sweep" in r["role"]))
     checks = [(r, *pair) for r in rows if r["bounds"] for pair in _held(r)]
-    wide = max(1, min(len(cases), 2))
-    high = math.ceil(len(cases) / wide)
+    if not cases and not checks:
+        raise RunError(f"{csv_path}: nothing in it to draw")
+    high = math.ceil(len(cases) / 2)
+    tall = [4.4 * high] * bool(cases) + [0.19 * len(checks) + 0.9] * bool(checks)
     with plt.rc_context(STYLE):
-        below = 0.19 * len(checks) + 0.9 if checks else 0.0
-        figure = plt.figure(figsize=(5.6 * max(wide, 2), 4.4 * high + below), layout="constrained")
-        parts = figure.add_gridspec(2 if checks else 1, 1, height_ratios=[4.4 * high, below] if checks else [1.0])
-        if cases:
-            grid = parts[0].subgridspec(high, wide)
-            methods = list(dict.fromkeys(r["method"] for r in rows))
-            for k, case in enumerate(cases):
-                axes = figure.add_subplot(grid[k // wide, k % wide])
-                _sweep(axes, case, [r for r in rows if r["case"] == case and "sweep" in r["role"]], methods)
+        figure = plt.figure(figsize=(11.2, sum(tall)), layout="constrained")
+        parts = figure.add_gridspec(len(tall), 1, height_ratios=tall)
+        grid = parts[0].subgridspec(max(high, 1), min(len(cases), 2) or 1)
+        methods = list(dict.fromkeys(r["method"] for r in rows))
+        for k, case in enumerate(cases):
+            axes = figure.add_subplot(grid[k // 2, k % 2])
+            _sweep(axes, case, [r for r in rows if r["case"] == case and "sweep" in r["role"]], methods)
         if checks:
             _checks(figure.add_subplot(parts[-1]), checks)
         versions = len({r["version"] for r in rows})
@@ -48,7 +48,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
             rows = list(csv.DictReader(file))
     except OSError as error:
         raise RunError(f"{path}: cannot read: {error.strerror}") from error
-    if not rows or not {"case", "method", "error", "bounds", "role", "front", "best"} <= set(rows[0]):
+    if not rows or not {"case", "method", "error", "bounds", "role", "front", "best", "failure"} <= set(rows[0]):
         raise RunError(f"{path}: no chart to draw")
     return rows
 
@@ -70,7 +70,7 @@ def _sweep(axes, case: str, rows: list[dict[str, str]], methods: list[str]) -> N
     """A point a row: colour by method, shape by spacing; crosses above for what failed; the front as a staircase."""
     spacings = sorted({_number(r, "spacing") for r in rows}, reverse=True)
     fine = [r for r in rows if _number(r, "error") > 0.0]
-    failed = [r for r in rows if r["ok"] != "1" and r not in fine]
+    failed = [r for r in rows if r["failure"]]
     for row in fine:
         colour = COLOURS[methods.index(row["method"]) % len(COLOURS)]
         marker = MARKERS[spacings.index(_number(row, "spacing")) % len(MARKERS)]
@@ -152,7 +152,7 @@ def _checks(axes, checks: list[tuple]) -> None:
         fine = share <= 1.0
         shown = min(max(share, 1.2 * least), 20.0) if math.isfinite(share) else 20.0
         axes.barh(k, shown - least, left=least, height=0.62, color=HELD if fine else MISSED, alpha=0.85)
-        told = f"{value:.3g} of {bound:.3g}" if math.isfinite(value) else row["message"][:60]
+        told = f"{value:.3g} of {bound:.3g}" if math.isfinite(value) else row["failure"][:60] or "not measured"
         axes.text(shown * 1.05, k, told, va="center", fontsize=7.5)
     axes.axvline(1.0, color="#222222", linewidth=1.0)
     labels = [f"{r['id']}  {r['method']}  {1e3 * _number(r, 'spacing'):.3g} mm: {f}" for r, f, _, _ in checks]

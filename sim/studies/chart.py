@@ -109,15 +109,11 @@ def run_job(job: Job, plan: Plan, threads: int = 0) -> Row:
     row = _frame(job, plan)
     try:
         figures = run_point(job.case, job.point, threads)
-        reason = ""
     except (DivergedError, CapacityError) as error:
-        figures, reason = getattr(error, "cost", {}), str(error)
+        figures, row["failure"] = getattr(error, "cost", {}), str(error)
     for name, value in figures.items():
         row[name] = table.cell(value)
-    missed = [] if reason else table.missed(row)
-    row["ok"] = "0" if reason or missed else "1"
-    row["message"] = reason or "; ".join(missed)
-    return row
+    return table.marked([row], plan.levels)[0]
 
 
 def find(plan: Plan, name: str) -> Job:

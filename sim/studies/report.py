@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sim.errors import MissedError
-from sim.studies.table import Row, bounds, missed, number
+from sim.studies.table import Row, bounds, number
 
 
 def text(rows: list[Row]) -> str:
@@ -16,9 +16,9 @@ def text(rows: list[Row]) -> str:
 
 def verdict(row: Row) -> str:
     """holds (its bounds), MISSED, failed (diverged, or did not fit), or ran (nothing is asked of it)."""
-    if row["ok"] == "1":
-        return "holds" if row["bounds"] else "ran"
-    return "MISSED" if row["message"] == "; ".join(missed(row)) else "failed"
+    if row["failure"]:
+        return "failed"
+    return "MISSED" if row["message"] else "holds" if row["bounds"] else "ran"
 
 
 def _line(row: Row) -> tuple[str, ...]:
@@ -33,7 +33,7 @@ def _line(row: Row) -> tuple[str, ...]:
         f"{1e3 * number(row, 'dt'):.3g} ms" if row["dt"] else "",
         error + (f" (<= {bound:.0%})" if bound else ""),
         f"{number(row, 'seconds_per_simulated_second'):.3g}" if row["seconds_per_simulated_second"] else "",
-        row["message"] if verdict(row) == "failed" else held,
+        row["failure"] or held,
     )
 
 

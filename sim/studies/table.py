@@ -14,12 +14,14 @@ Row = dict[str, str]
 """Column -> text as the CSV has it; what was not measured is empty."""
 
 FIRST = (
-    "id case method spacing dt error bounds seconds_per_simulated_second ok message particles steps iterations "
+    "id case method spacing dt error bounds seconds_per_simulated_second ok message failure particles steps iterations "
     "peak_memory role report front best precision scene overrides reference version recipe"
 ).split()
 """Columns of every chart [SI]; figures of the cases follow in the order of their appearance.
 
-bounds   figure<=bound, ...; role: check (held to its bounds), sweep (on the chart of error over time)
+bounds   figure<=bound, ...; spread(figure)<=bound is of all rows of the case: its largest value over its least, less 1
+failure  why a run ended early; message: that, or what lies beyond its bound; ok: 1 if there is neither
+role     check (held to its bounds), sweep (on the chart of error over time)
 front    1: nothing else of its case is as right in less time; best: the levels at which it is the cheapest
 """
 
@@ -80,18 +82,32 @@ def missed(row: Row) -> list[str]:
 
 
 def marked(rows: list[Row], levels: tuple[float, ...]) -> list[Row]:
-    """The rows with `front` and `best` filled in, case by case."""
-    for row in rows:
-        row["front"] = row["best"] = ""
+    """The rows with what follows from them together filled in: spreads, verdicts, `front` and `best`, by case."""
     for case in dict.fromkeys(row["case"] for row in rows):
-        points = [r for r in rows if r["case"] == case and "sweep" in r["role"] and r["ok"] == "1" and r["error"]]
-        points.sort(key=lambda r: (number(r, "seconds_per_simulated_second"), number(r, "error")))
-        least = math.inf
-        for row in points:
-            if number(row, "error") < least:
-                row["front"], least = "1", number(row, "error")
-        for level in levels:
-            row = next((r for r in points if number(r, "error") <= level), None)
-            if row:
-                row["best"] = f"{row['best']} {100 * level:g}%".strip()
+        of_case = [row for row in rows if row["case"] == case]
+        _spread([row for row in of_case if row["bounds"] and not row["failure"]])
+        for row in of_case:
+            row["message"] = row["failure"] or "; ".join(missed(row))
+            row["ok"] = "0" if row["message"] else "1"
+            row["front"] = row["best"] = ""
+        _front([r for r in of_case if "sweep" in r["role"] and not r["failure"] and r["error"]], levels)
     return rows
+
+
+def _spread(rows: list[Row]) -> None:
+    for name in {name for row in rows for name in bounds(row) if name.startswith("spread(")}:
+        values = [number(row, name[7:-1]) for row in rows]
+        for row in rows:
+            row[name] = cell(max(values) / min(values) - 1.0)
+
+
+def _front(points: list[Row], levels: tuple[float, ...]) -> None:
+    points.sort(key=lambda r: (number(r, "seconds_per_simulated_second"), number(r, "error")))
+    least = math.inf
+    for row in points:
+        if number(row, "error") < least:
+            row["front"], least = "1", number(row, "error")
+    for level in levels:
+        row = next((r for r in points if number(r, "error") <= level), None)
+        if row:
+            row["best"] = f"{row['best']} {100 * level:g}%".strip()

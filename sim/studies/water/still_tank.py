@@ -1,0 +1,95 @@
+"""Water at rest in a tank: pressure by depth, weight on the floor, compression, volume, and whether it boils."""
+
+import math
+
+import numpy as np
+
+from sim.studies.case import Case, Point
+from sim.studies.probe import Pressure, row
+
+WINDOW = 0.5
+"""[s] Pressure and force are means over this time, at the end of the run."""
+SETTLED = 1.0
+"""[s] By then the lattice has closed up at its surface, and volume and energy are held against what they are."""
+
+
+def measure(world) -> dict[str, float]:
+    """Figures of the run's end; lengths of time from [run] duration.
+
+    error        rms over depth of p/(rho g (H0 - z)) - 1, p the mean stress (see Pressure) over WINDOW and each layer
+                 of a spacing, farther than H from floor and surface; H0 the depth that the water's mass fills
+    error_raw    the same of the method's own rho^2 kappa
+    floor        force of the water on all solids against its weight, over WINDOW
+    compression  mean of max(rho/rho0 - 1, 0) over all water and the time after SETTLED
+    volume       largest change of the height of the centre of mass after SETTLED
+    boiling      kinetic energy of the last second over that of the second after SETTLED
+    speed        rms, at the end [m/s]
+    """
+    probe, weight = Pressure(world), row(world, "mass").sum() * -world.config.space.gravity[2]
+    end, rest = world.config.run.duration, world.config.fluid.liquid.rest_density
+    z, p, response, forces, centre, energy, dense = [], [], [], [], [], [], []
+    while world.clock.time < end - 1e-9:
+        ended = world.step()
+        if world.clock.time > end - WINDOW:
+            p.append(probe.read())
+            z.append(row(world, "x")[:, 2])
+            forces.append(-probe.on_solids()[2] / weight)
+        if ended and world.clock.time > SETTLED:
+            energy.append((world.clock.time, (row(world, "v") ** 2).sum(1).mean()))
+            dense.append(np.maximum(row(world, "density") / rest - 1.0, 0.0).mean())
+            centre.append(row(world, "x")[:, 2].mean())
+            response.append(_inner(world, probe.response()))
+    time, energy = np.array(energy).T
+    raw = _error(world, np.concatenate(z), np.concatenate(p), weight)
+    stress = _error(world, np.concatenate(z), np.concatenate(p) * np.mean(response), weight)
+    first, last = energy[time < SETTLED + 1.0].mean(), energy[time > end - 1.0].mean()
+    return {
+        "error": stress,
+        "error_raw": raw,
+        "response": np.mean(response),
+        "floor": np.mean(forces) - 1.0,
+        "compression": np.mean(dense),
+        "volume": np.max(np.abs(np.array(centre) / centre[0] - 1.0)),
+        "boiling": last / first,
+        "speed": math.sqrt(last),
+    }
+
+
+def _tank(world) -> tuple[float, float, float]:
+    """Base area [m^2], depth of the water at rho0 [m] and support radius H [m]."""
+    side, fluid = world.config.solid["tank"].size, world.config.fluid
+    area = side[0] * side[1]
+    return area, row(world, "mass").sum() / (fluid.liquid.rest_density * area), fluid.support_radius
+
+
+def _inner(world, values: np.ndarray) -> float:
+    """Mean over the water beyond the reach of walls and surface."""
+    x, (_, depth, reach) = row(world, "x"), _tank(world)
+    half = 0.5 * world.config.solid["tank"].size[0] - reach
+    inner = (np.abs(x[:, :2]).max(1) < half) & (x[:, 2] > reach) & (x[:, 2] < depth - reach)
+    return float(values[inner].mean())
+
+
+def _error(world, z: np.ndarray, p: np.ndarray, weight: float) -> float:
+    area, depth, reach = _tank(world)
+    dx = world.config.fluid.spacing
+    layer = np.floor(z / dx).astype(int)
+    wanted = [k for k in np.unique(layer) if k * dx >= reach - 1e-9 and (k + 1) * dx <= depth - reach + 1e-9]
+    share = [p[layer == k].mean() / (weight / area * (1.0 - z[layer == k].mean() / depth)) for k in wanted]
+    return float(np.sqrt(np.mean((np.array(share) - 1.0) ** 2)))
+
+
+def _point(support: float, spacing: str, duration: str, error: float) -> Point:
+    texts = (f"fluid.support={support:g}", f"fluid.spacing={spacing}", f"run.duration={duration}")
+    return Point(texts, bounds={"error": error})
+
+
+CASE = Case(
+    name="still_tank",
+    scene="still_tank",
+    reference="hydrostatics, p = rho g (H0 - z)",
+    bounds={"error": 0.04, "floor": 0.005, "compression": 0.001, "volume": 0.005, "boiling": 1.0},
+    measure=measure,
+    full=(_point(2.0, "5 mm", "10 s", 0.04), _point(3.0, "5 mm", "10 s", 0.02)),
+    quick=(_point(2.0, "10 mm", "2.5 s", 0.04),),
+)
