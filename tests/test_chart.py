@@ -146,12 +146,13 @@ def test_a_wrong_study_is_one_line(tmp_path, monkeypatch):
 
 
 def test_a_still_tank_coarse():
-    """1,000 particles, 10 across; the bounds of the full case but for the pressure's, which this coarse is 8 %."""
-    run = run_point(still_tank.CASE, Point(("fluid.spacing=10 mm", "run.duration=2.5 s")), threads=2)
-    assert run["error"] < 0.08
+    """1,000 particles, 10 across: all that the quick chart asks, but for the energy's decay, which takes longer."""
+    run = run_point(still_tank.CASE, Point(("fluid.spacing=10 mm", "run.duration=2 s")), threads=2)
+    assert run["error"] < 0.06 and run["error"] < 0.7 * run["error_raw"]
     assert abs(run["floor"]) < 0.005
     assert run["compression"] < 0.001
     assert run["volume"] < 0.005
+    assert run["speed"] < 0.04
 
 
 def test_a_breaking_dam_coarse():
