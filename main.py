@@ -345,7 +345,7 @@ def main(arguments: list[str] | None = None) -> int:
     except SeepError as error:
         return _fail(str(error), error.exit_code)
     except (KeyboardInterrupt, typer.Abort):
-        return _fail("interrupted; the same command with --resume goes on", 130)
+        return _fail("interrupted; the same command goes on, a run with --resume", 130)
     except TyperException as error:
         return _fail(error.format_message(), ConfigError.exit_code)
     except MemoryError:

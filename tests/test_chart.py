@@ -78,10 +78,14 @@ def test_a_chart_goes_on_and_a_bound_that_breaks_is_named(topic, capsys):
     assert [point.overrides for _, point in ran] == [(), (), ("run.fps=20",)]
 
     out, ran = topic(0.05, Point())
+    capsys.readouterr()
     assert seep.main(["chart", "toy", "--check", "--out", out]) == 1
     told = capsys.readouterr().err
     assert told == f"chart toy: {one['id']}: error = 0.1 passes 0.05\n"
-    assert [name for name, _ in ran[3:]] == ["tame"]  # its bound changed; what has no bound is not run for --check
+    assert len(ran) == 3  # the bound changed, not the run
+    assert seep.main(["chart", "toy", "--check", "--anew", "--out", out]) == 1
+    assert [name for name, _ in ran[3:]] == ["tame"]  # what has no bound is not run for --check
+    capsys.readouterr()
     assert seep.main(["chart", "toy", "--row", one["id"][:-2], "--out", out]) == 0
     assert "in the CSV" in capsys.readouterr().out
     assert seep.main(["chart", "toy", "--row", "nothing", "--out", out]) == 2

@@ -48,13 +48,13 @@ class Job:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a chart runs, and which method and errors its study marks."""
+    """What a chart runs, which method and errors its study marks, and the ids of all rows that the study has."""
 
-    topic: str
     jobs: tuple[Job, ...]
     report: str
     levels: tuple[float, ...]
-    quick: bool = False
+    quick: bool
+    ids: frozenset[str]
 
 
 def plan(topic: str, quick: bool = False, check_only: bool = False) -> Plan:
@@ -66,10 +66,10 @@ def plan(topic: str, quick: bool = False, check_only: bool = False) -> Plan:
     for job in jobs:
         same = once.get(job.id)
         once[job.id] = replace(same, swept=True) if same else job
-    kept = tuple(job for job in once.values() if job.checked or not check_only)
+    kept = tuple(job for job in once.values() if job.bounds or not check_only)
     for job in kept:
         job.config()
-    return Plan(topic, kept, study.report, study.levels, quick)
+    return Plan(kept, study.report, study.levels, quick, frozenset(once))
 
 
 def _swept(study: Study, name: str) -> list[Point]:
@@ -91,16 +91,25 @@ def _swept(study: Study, name: str) -> list[Point]:
 def run(plan: Plan, path: Path, threads: int = 0, anew: bool = False) -> Iterator[Row]:
     """Run what is not in the CSV yet, or was made by another recipe; yields each row in order, written to disk.
 
-    Rows of points outside the plan stay in the file as they are.
+    Rows that the study has and this plan has not stay in the file as they are.
     """
     there = {row["id"]: row for row in table.read(path)} if path.exists() else {}
-    done: dict[str, Row] = {}
-    kept = {} if anew else {job.id: there[job.id] for job in plan.jobs if _stands(job, there.get(job.id), plan)}
+    kept, done = {} if anew else _kept(plan, there), {}
     for job_id, row in _rows(plan, kept, threads):
         done[job_id] = row
-        rest = {name: row for name, row in there.items() if name not in done}
-        table.write(path, table.marked([*done.values(), *rest.values()], plan.levels))
+        rest = [row for name, row in there.items() if name in plan.ids and name not in done]
+        table.write(path, table.marked([*done.values(), *rest], plan.levels))
         yield row
+
+
+def _kept(plan: Plan, there: dict[str, Row]) -> dict[str, Row]:
+    """Rows that need not run again, with the bounds and marks of today."""
+    kept = {}
+    for job in plan.jobs:
+        frame, old = _frame(job, plan), there.get(job.id)
+        if old and old["recipe"] == frame["recipe"]:
+            kept[job.id] = old | {word: frame[word] for word in ("role", "bounds", "report")}
+    return kept
 
 
 def _rows(plan: Plan, kept: dict[str, Row], threads: int) -> Iterator[tuple[str, Row]]:
@@ -117,13 +126,6 @@ def _rows(plan: Plan, kept: dict[str, Row], threads: int) -> Iterator[tuple[str,
                 yield job.id, kept.get(job.id) or due[job.id].result()
         finally:
             pool.shutdown(cancel_futures=True)
-
-
-def _stands(job: Job, row: Row | None, plan: Plan) -> bool:
-    """Whether a row of the CSV is what running the job would write again."""
-    words = ("role", "bounds", "report", "recipe")
-    frame = _frame(job, plan)
-    return row is not None and all(row[word] == frame[word] for word in words)
 
 
 def run_job(job: Job, plan: Plan, threads: int = 0) -> Row:
