@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
+import sys
+import threading
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -83,6 +86,7 @@ def cost(world: Any) -> dict[str, Any]:
 def _answer(pipe, case: Case, point: Point, threads: int) -> None:
     """The child: its figures, or the exception that ended it, through the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         answer = _run(case, point, threads)
     except BaseException as error:
@@ -90,6 +94,12 @@ def _answer(pipe, case: Case, point: Point, threads: int) -> None:
         answer = error
     pipe.send(answer)
     pipe.close()
+
+
+def _end_with_parent() -> None:
+    """A chart that was killed leaves no run behind."""
+    multiprocessing.parent_process().join()
+    os._exit(1)
 
 
 def _run(case: Case, point: Point, threads: int) -> dict[str, Any]:
@@ -118,7 +128,6 @@ def _peak_memory() -> int:
     """Largest resident set of this process so far [B]; 0 where the system does not tell."""
     try:
         import resource
-        import sys
     except ImportError:
         return 0
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)

@@ -8,21 +8,17 @@ STEPS = 5
 def measure(world) -> dict[str, float]:
     """Nanoseconds a particle from a lattice at rest: of one sweep, of a step, and of each of its stages.
 
-    sweep_ns is the time of both pressure solves over their iterations and one more each, for what stands around them;
-    of STEPS steps the quickest, so that a busy machine disturbs it less. The others are means.
+    sweep_ns is the time of the pressure's solves over their iterations and two more, for what stands around them; of
+    STEPS steps the quickest, so that a busy machine disturbs it less. The others are means.
     """
     particles, sweeps = int(world.state.count[None]), []
     for _ in range(STEPS):
-        seconds, iterations = _solves(world), world.iterations
+        seconds, iterations = world.seconds["pressure"], world.iterations
         world.step()
-        sweeps.append((_solves(world) - seconds) / (world.iterations - iterations + 2))
+        sweeps.append((world.seconds["pressure"] - seconds) / (world.iterations - iterations + 2))
     each = 1e9 / (STEPS * particles)
     stages = {f"{name}_ns": seconds * each for name, seconds in world.seconds.items()}
     return {"sweep_ns": min(sweeps) * 1e9 / particles, "step_ns": sum(world.seconds.values()) * each, **stages}
-
-
-def _solves(world) -> float:
-    return world.seconds["divergence"] + world.seconds["pressure"]
 
 
 def _point(across: int) -> Point:
