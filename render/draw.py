@@ -61,11 +61,12 @@ class Renderer:
         self.water = None
         self.pixels = np.zeros((height, width, 3), np.uint8)
         self.light = Light()
-        self.static, self.sheet = None, None
+        self.static, self.sheet, self.placed = None, None, None
 
     def draw(self, frame: Frame, look: Look, static: Static) -> np.ndarray:
         """See `draw`."""
         self._meet(static)
+        self._place(frame, static)
         view, glass = look_at(look.eye, look.target), lens(self.size, look.fov)
         to_sun = (-np.asarray(look.light) / np.linalg.norm(look.light)).astype(np.float32)
         first_solid = self._opaque(frame, look, static, view, glass, to_sun)
@@ -97,9 +98,15 @@ class Renderer:
         if static.cloth_triangles is not None:
             self.sheet = Sheet(static.cloth_triangles, static.cloth_uv)
         if self.solids:
-            self.solid_x = np.ascontiguousarray(static.solid_x, np.float32)
             self.solid_triangles = np.ascontiguousarray(static.solid_triangles, np.int32)
             self.backs, self.fronts = (ti.ndarray(ti.i64, self.keys.shape) for _ in range(2))
+
+    def _place(self, frame: Frame, static: Static) -> None:
+        """Where the solids are; their samples are to be taken anew where they have moved."""
+        where = static.solid_x if frame.solid_x is None else frame.solid_x
+        if self.solids and where is not self.placed:
+            self.placed, self.seen_from = where, None
+            self.solid_x = np.ascontiguousarray(where, np.float32)
 
     def _opaque(self, frame: Frame, look: Look, static: Static, view, glass, to_sun) -> int:
         """Everything but water into self.image, and what each sample sees into self.keys."""
@@ -154,7 +161,7 @@ class Renderer:
         return first_solid
 
     def _walls(self, view, glass, first_solid: int) -> None:
-        """Solids stand still: their samples are kept until the eye moves."""
+        """Samples of the solids are kept until they or the eye move."""
         seen_from = (view.tobytes(), glass.tobytes(), first_solid)
         if seen_from == self.seen_from:
             return

@@ -6,6 +6,7 @@ Order, later wins, key by key, a list replaces a list: `extends` chain < file < 
 from __future__ import annotations
 
 import difflib
+import hashlib
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ from sim.errors import ConfigError
 from sim.explain import Problem
 from sim.model import Model
 from sim.schema import VERSION, Config
+from sim.shapes import Mesh
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 
@@ -92,6 +94,7 @@ def load(scene: str | Path, overrides: Iterable[str] = (), quick: bool = False, 
     _read_layers(reading, path, overrides, quick)
     _read_cards(reading, path)
     config = _read_schema(reading)
+    config = _find_meshes(reading, config, path.parent)
     reading.refuse(fit.problems(config))
     config = _wetted(_read_methods(reading, config, registry))
     return config.model_copy(update={"warnings": fit.warnings(config)})
@@ -265,6 +268,26 @@ def _read_schema(reading: _Reading) -> Config:
     except ValidationError as error:
         reading.refuse([explain.problem(e, Config, raw) for e in error.errors()])
         raise
+
+
+def _find_meshes(reading: _Reading, config: Config, beside: Path) -> Config:
+    """The file and digest of every mesh. A run's folder has its own in meshes/, by the name of the solid."""
+    found: list[Problem] = []
+    solids = dict(config.solid)
+    for name, solid in solids.items():
+        if not isinstance(solid, Mesh):
+            continue
+        own = beside / "meshes" / f"{name}{Path(solid.file).suffix}"
+        there = [f for f in (own, beside / solid.file, CONFIGS / "meshes" / solid.file) if f.is_file()]
+        if not there:
+            found.append(Problem(f"solid.{name}.file", "no such file beside the scene or in configs/meshes"))
+            continue
+        digest = hashlib.sha256(there[0].read_bytes()).hexdigest()
+        if solid.digest not in ("", digest):
+            found.append(Problem(f"solid.{name}.file", "is not the mesh that this scene was resolved with"))
+        solids[name] = solid.model_copy(update={"found": str(there[0].resolve()), "digest": digest})
+    reading.refuse(found)
+    return config.model_copy(update={"solid": solids})
 
 
 def _read_methods(reading: _Reading, config: Config, registry) -> Config:

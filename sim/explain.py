@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from sim import units
 from sim.model import Model, range_of
 from sim.schema import Config
+from sim.shapes import SHAPES
 
 
 class Problem(NamedTuple):
@@ -33,7 +34,7 @@ def problem(error: dict, model: type[Model], raw: Any, prefix: str = "") -> Prob
     if kind == "literal_error":
         return Problem(key, f"choose from {context['expected'].replace(' or ', ', ').replace(chr(39), '')}")
     if kind.startswith("union_tag"):
-        return Problem(f"{key}.shape", "choose from plane, box, sphere, basin")
+        return Problem(f"{key}.shape", f"choose from {', '.join(SHAPES)}")
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return Problem(key, f"must be a table: [{key}]")
     if kind == "tuple_type":

@@ -52,6 +52,7 @@ class Frame:
     cloth_x, cloth_v   (m, 3)  f32 [m], [m/s]
     cloth_saturation   (m,)    f32, pore water over pore volume at each node, 0..1
     cloth_film         (m,)    f32, thickness of the film hanging below each node [m]
+    solid_x            (s, 3)  f32, in place of Static.solid_x where a solid moves [m]
     """
 
     time: np.ndarray
@@ -63,6 +64,7 @@ class Frame:
     cloth_v: np.ndarray | None = None
     cloth_saturation: np.ndarray | None = None
     cloth_film: np.ndarray | None = None
+    solid_x: np.ndarray | None = None
 
 
 def write(path: Path, snapshot: Static | Frame) -> None:

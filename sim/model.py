@@ -67,7 +67,7 @@ def quantity(
     le: float | None = None,
     why: str = "",
 ) -> Any:
-    """A number, or a fixed-length tuple of numbers, by the field's annotation.
+    """A number, or a tuple of numbers (or of such tuples), by the field's annotation.
 
     dimension: a name ("speed") or a unit ("m/s"); left out, it is that of the default. Bounds are in SI. A string in
     a scene must carry a unit of this dimension; a bare number is SI. `why` is the reason of the default.
@@ -132,13 +132,17 @@ def _is_word(value: Any, kind: Any) -> bool:
 
 
 def _shaped(value: Any, kind: Any, bounds: Range) -> Any:
-    if typing.get_origin(kind) is tuple:
-        length = len(typing.get_args(kind))
-        if not isinstance(value, (list, tuple)) or len(value) != length:
-            raise fault(f"needs a list of {length}, each {units.DIMENSIONS[bounds.dimension][1]}")
-        whole = typing.get_args(kind)[0] is int
-        return tuple(_number(v, bounds, whole) for v in value)
-    return _number(value, bounds, kind is int or int in typing.get_args(kind))
+    if typing.get_origin(kind) is not tuple:
+        return _number(value, bounds, kind is int or int in typing.get_args(kind))
+    inner, length = typing.get_args(kind)[0], len(typing.get_args(kind))
+    if typing.get_args(kind)[-1] is Ellipsis:
+        if not isinstance(value, (list, tuple)) or not value:
+            many = "lists of three, each" if typing.get_origin(inner) is tuple else "entries, each"
+            raise fault(f"needs a list of {many} {units.DIMENSIONS[bounds.dimension][1]}")
+        return tuple(_shaped(v, inner, bounds) for v in value)
+    if not isinstance(value, (list, tuple)) or len(value) != length:
+        raise fault(f"needs a list of {length}, each {units.DIMENSIONS[bounds.dimension][1]}")
+    return tuple(_number(v, bounds, inner is int) for v in value)
 
 
 def _number(value: Any, bounds: Range, whole: bool = False) -> float | int:

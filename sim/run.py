@@ -24,6 +24,7 @@ from sim.errors import ConfigError, DivergedError, RunError, SeepError
 from sim.frame import Frame
 from sim.ledger import COLUMNS
 from sim.schema import Config
+from sim.shapes import Mesh
 
 VERSION = "0.1.0"
 OUTPUTS = Path(__file__).resolve().parents[1] / "outputs"
@@ -191,8 +192,21 @@ def _prepare(conf: Config, where: Plan) -> RunFolder:
     except OSError as error:
         raise RunError(f"{error.filename}: cannot make the run's folder: {error.strerror}") from error
     if not where.resuming:
+        _copy_meshes(folder, conf)
         checkpoint.write_text(folder.config, config.resolved_toml(conf))
     return folder
+
+
+def _copy_meshes(folder: RunFolder, conf: Config) -> None:
+    """What the scene reads besides itself, so that the folder runs again by itself."""
+    for name, solid in conf.solid.items():
+        if isinstance(solid, Mesh):
+            source = Path(solid.found)
+            (folder.path / "meshes").mkdir(exist_ok=True)
+            checkpoint.write_whole(
+                folder.path / "meshes" / f"{name}{source.suffix}",
+                lambda file, source=source: file.write(source.read_bytes()),
+            )
 
 
 def _next_number(scene: str) -> Path:

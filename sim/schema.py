@@ -4,27 +4,20 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from sim.model import REQUIRED, Model, fault, option, quantity
+from sim.shapes import AnySolid, Vector, nonzero
 
 VERSION = 1
 """Of the scene format; a file that asks for a newer one is refused."""
-
-Vector = tuple[float, float, float]
 
 
 def derived(default: Any = None) -> Any:
     """A field that loading fills in from the methods chosen; no key of this name is read from a scene."""
     return Field(default, json_schema_extra={"derived": True})
-
-
-def _direction(value: Vector) -> Vector:
-    if not any(value):
-        raise fault("must not be the zero vector")
-    return value
 
 
 def _low_below_high(table: Any) -> Any:
@@ -118,7 +111,7 @@ class Emitter(Model):
     stop: float | None = quantity(None, "time", gt=0, why="absent = to the end of the run")
     repeat: bool = option(False, why="begin again at every stop, pausing for `start` each time")
 
-    _nonzero = field_validator("direction")(_direction)
+    _nonzero = field_validator("direction")(nonzero)
 
     @property
     def diameter(self) -> float:
@@ -228,64 +221,12 @@ class Cloth(Model):
     params: Any = derived()
     bending_params: Any = derived()
 
-    _nonzero = field_validator("normal")(_direction)
+    _nonzero = field_validator("normal")(nonzero)
 
     @property
     def node_counts(self) -> tuple[int, int]:
         """Nodes along each side."""
         return tuple(round(side / self.spacing) + 1 for side in self.size)
-
-
-class Plane(Model):
-    """[solid.NAME] shape = "plane": everything below it is solid."""
-
-    shape: Literal["plane"]
-    point: Vector = quantity((0.0, 0.0, 0.0), "length")
-    normal: Vector = quantity((0.0, 0.0, 1.0), why="up")
-    friction: float = quantity(0.0, ge=0)
-
-    _nonzero = field_validator("normal")(_direction)
-
-
-class Box(Model):
-    """[solid.NAME] shape = "box": along the axes."""
-
-    shape: Literal["box"]
-    centre: Vector = quantity(REQUIRED, "length")
-    size: Vector = quantity(REQUIRED, "length", gt=0)
-    friction: float = quantity(0.0, ge=0)
-
-
-class Sphere(Model):
-    """[solid.NAME] shape = "sphere"."""
-
-    shape: Literal["sphere"]
-    centre: Vector = quantity(REQUIRED, "length")
-    radius: float = quantity(REQUIRED, "length", gt=0)
-    friction: float = quantity(0.0, ge=0)
-
-
-class Basin(Model):
-    """[solid.NAME] shape = "basin": an open box; `centre` is the middle of its inner floor, `size` its inside."""
-
-    shape: Literal["basin"]
-    centre: Vector = quantity((0.0, 0.0, 0.0), "length")
-    size: Vector = quantity(REQUIRED, "length", gt=0)
-    thickness: float = quantity("4 mm", "length", gt=0)
-    friction: float = quantity(0.0, ge=0)
-
-
-def _shape(table: Any) -> Any:
-    return table.get("shape") if isinstance(table, dict) else getattr(table, "shape", None)
-
-
-Solid = Annotated[
-    Annotated[Plane, Tag("plane")]
-    | Annotated[Box, Tag("box")]
-    | Annotated[Sphere, Tag("sphere")]
-    | Annotated[Basin, Tag("basin")],
-    Discriminator(_shape),
-]
 
 
 class Coupling(Model):
@@ -324,7 +265,7 @@ class Light(Model):
 
     direction: Vector = quantity((-0.5, -0.3, -1.0))
 
-    _nonzero = field_validator("direction")(_direction)
+    _nonzero = field_validator("direction")(nonzero)
 
 
 class Render(Model):
@@ -362,7 +303,7 @@ class Config(Model):
     emitter: dict[str, Emitter] = Field(default_factory=dict)
     drain: dict[str, Drain] = Field(default_factory=dict)
     cloth: Cloth | None = None
-    solid: dict[str, Solid] = Field(default_factory=dict)
+    solid: dict[str, AnySolid] = Field(default_factory=dict)
     coupling: Coupling | None = None
     wetting: Wetting | None = None
     render: Render = Field(default_factory=Render)

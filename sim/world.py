@@ -8,6 +8,7 @@ from collections import defaultdict
 import numpy as np
 
 from sim import guard, registry
+from sim.bodies import Bodies
 from sim.clock import Clock
 from sim.fluid import roster
 from sim.frame import Frame, Static
@@ -36,7 +37,7 @@ class World:
         self.scene = build_scene(config)
         self.state = State(self._rows(), self._sizes())
         self.build = Build(config, self.scene, self.state)
-        self.clock = Clock(config.run.fps, config.run.dt_max, config.run.dt_min)
+        self.clock = self.build.parts["clock"] = Clock(config.run.fps, config.run.dt_max, config.run.dt_min)
         self.stages = in_order(self._build_stages())
         self.frame_count = config.run.frame_count
         self.seconds = defaultdict(float)
@@ -74,7 +75,7 @@ class World:
 
     def _build_stages(self) -> list:
         config, build = self.config, self.build
-        stages = roster.build_fluid(build) if config.fluid else []
+        stages = [*Bodies.of(build).stages(), *(roster.build_fluid(build) if config.fluid else [])]
         if config.coupling:
             contact = registry.method("coupling.contact", config.coupling.contact)(build, config.coupling.params)
             stages += contact.stages()
@@ -157,8 +158,8 @@ class World:
             spacing=np.float32(config.fluid.spacing if config.fluid else 0.0),
             ground_z=np.float32(solids.ground_z),
             cloth_colour=linear_rgb(config.render.cloth_colour),
-            solid_x=solids.x.astype(np.float32) if len(solids.x) else None,
-            solid_triangles=solids.triangles if len(solids.x) else None,
+            solid_x=solids.corners(0.0).astype(np.float32) if len(solids.triangles) else None,
+            solid_triangles=solids.triangles if len(solids.triangles) else None,
             cloth_triangles=np.asarray(sheet.triangles, np.int32) if sheet else None,
             cloth_uv=sheet.uv.astype(np.float32) if sheet else None,
             cloth_thickness=np.float32(sheet.thickness) if sheet else None,
@@ -167,6 +168,8 @@ class World:
     def snapshot(self) -> Frame:
         """What pictures need of this moment; water sorted by id."""
         frame = Frame(time=np.float64(self.clock.time))
+        if self.scene.solids.moves:
+            frame.solid_x = self.scene.solids.corners(self.clock.time).astype(np.float32)
         if self.config.fluid:
             living = self.state.count[None]
             ids = self.state["fluid.id"].to_numpy()[:living]

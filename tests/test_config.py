@@ -137,7 +137,7 @@ WRONG = {
     "emitter.spout.stop=0.1 s": "stop must be later than start",
     "emitter.spout.centre=[0, 0, 9]": "must lie within space.low and space.high",
     "emitter.spout=3": "must be a table: [emitter.spout]",
-    "solid.basin.shape=bowl": 'solid.basin.shape = "bowl": choose from plane, box, sphere, basin',
+    "solid.basin.shape=bowl": 'solid.basin.shape = "bowl": choose from plane, box, sphere, cylinder, basin, mesh',
     "solid.basin.siz=3": "did you mean solid.basin.size?",
     "space.low=[1, 1, 1]": "low must be below high on every axis",
     "space.low=[1, 1]": "needs a list of 3, each a length",

@@ -1,98 +1,79 @@
 """Nodes of the sheet against the scene's solids: half a thickness away, Coulomb friction."""
 
-import numpy as np
 import taichi as ti
-import taichi.math as tm
 
+from sim.bodies import PLANE, Bodies
 from sim.cloth.board import Board
-from sim.maths.distance import box_distance, plane_distance, sphere_distance
-from sim.scene.solids import Primitive
-
-SHAPES = ("plane", "box", "sphere")
 
 
 @ti.data_oriented
 class SolidContact:
     """For each primitive: mark whether the sheet can reach it in this step, then correct nodes in each substep.
 
-    Nodes only: between two of them an edge of a box may stand out by less than half a mesh width.
+    Nodes only: between two of them an edge of a box may stand out by less than half a mesh width. The distance to a
+    solid that moves is taken where it was at the step's start, less the way that it came since.
     """
 
-    def __init__(self, primitives: tuple[Primitive, ...], thickness: float, board: Board):
-        self.board, self.offset, self.count = board, 0.5 * thickness, len(primitives)
-        size = max(self.count, 1)
-        self.near, self.shape = ti.field(ti.i32, size), ti.field(ti.i32, size)
-        self.a, self.b = ti.Vector.field(3, board.real, size), ti.Vector.field(3, board.real, size)
-        self.friction = ti.field(board.real, size)
-        if primitives:
-            self.shape.from_numpy(np.array([SHAPES.index(p.shape) for p in primitives], np.int32))
-            self.a.from_numpy(np.array([p.a for p in primitives], board.numpy_real))
-            self.b.from_numpy(np.array([p.b for p in primitives], board.numpy_real))
-            self.friction.from_numpy(np.array([p.friction for p in primitives], board.numpy_real))
+    def __init__(self, bodies: Bodies, thickness: float, board: Board):
+        self.bodies, self.board, self.offset = bodies, board, 0.5 * thickness
+        self.near = ti.field(ti.i32, max(bodies.count, 1))
 
     @ti.func
-    def mark(self, low, high):
-        """near[k] = the box low..high, where every node will stay during this step, reaches primitive k."""
+    def mark(self, low, high, dt):
+        """near[k] = the box low..high, where every node will stay during this step of dt, reaches primitive k."""
         centre, half = 0.5 * (low + high), 0.5 * (high - low)
-        for k in range(self.count):
-            gap = self._at_least(k, centre)
-            if self.shape[k] == 1:
-                gap = (ti.abs(centre - self.a[k]) - half - self.b[k]).max()
-            else:
-                gap -= half.norm()
+        for k in range(self.bodies.count):
+            across = ti.abs(self.bodies.turn[k].transpose()) @ half
+            r = self.bodies.inside(k, centre)
+            gap = (ti.abs(r) - across - self.bodies.half[k]).max()
+            if self.bodies.shape[k] == PLANE:
+                gap = r[2] - across[2]
+            if ti.static(self.bodies.moves):
+                arm = half.norm() + (centre - self.bodies.centre[k]).norm()
+                gap -= dt * (self.bodies.linear[k].norm() + arm * self.bodies.angular[k].norm())
             self.near[k] = gap < self.offset
 
     @ti.func
-    def project(self):
-        """Push nodes out of every solid they can reach."""
-        if ti.static(self.count > 0):
-            for k in range(self.count):
+    def project(self, h, since):
+        """Push nodes out of every solid they can reach, in a substep of h [s] that ends `since` the step's start."""
+        if ti.static(self.bodies.count > 0):
+            for k in range(self.bodies.count):
                 if self.near[k]:
                     for i in range(self.board.ni):
                         for j in range(self.board.nj):
                             at = i * self.board.pitch + j
-                            if self._at_least(k, self.board.vector(self.board.x, at)) < self.offset:
-                                self._push(k, at)
+                            if self._at_least(k, self.board.vector(self.board.x, at), since) < self.offset:
+                                self._push(k, at, h, since)
 
     @ti.func
-    def _at_least(self, k, x):
-        """A distance [m] that the true one does not fall below; exact for planes and spheres."""
-        r = x - self.a[k]
-        bound = (ti.abs(r) - self.b[k]).max()
-        if self.shape[k] == 0:
-            bound = r.dot(self.b[k])
-        elif self.shape[k] == 2:
-            bound = r.norm() - self.b[k][0]
+    def _at_least(self, k, x, since):
+        """A distance [m] that the true one does not fall below."""
+        r = self.bodies.inside(k, x)
+        bound = (ti.abs(r) - self.bodies.half[k]).max()
+        if self.bodies.shape[k] == PLANE:
+            bound = r[2]
+        if ti.static(self.bodies.moves):
+            bound -= since * self.bodies.velocity(k, x).norm()
         return bound
 
     @ti.func
-    def _push(self, k, at):
+    def _push(self, k, at, h, since):
         """Out along the normal, then back along the surface by at most friction times as much.
 
         Depth that was there at the substep's start is undone there too, so that it becomes no speed.
         """
         x, start = self.board.vector(self.board.x, at), self.board.vector(self.board.start, at)
-        normal, distance = self._distance(k, x)
-        depth = self.offset - distance
+        nd, way = self.bodies.distance(k, x), self.bodies.velocity(k, x)
+        normal = nd.xyz
+        depth = self.offset - nd[3] + since * way.dot(normal)
         if depth > 0.0 and self.board.w[at] > 0.0:
-            _, before = self._distance(k, start)
+            before = self.bodies.distance(k, start)[3] - (since - h) * way.dot(normal)
             was = ti.min(ti.max(self.offset - before, 0.0), depth)
             start += was * normal
             x += depth * normal
-            slide = (x - start) - (x - start).dot(normal) * normal
-            hold = self.friction[k] * (depth - was)
+            past = x - start - h * way
+            slide = past - past.dot(normal) * normal
+            hold = self.bodies.friction[k] * (depth - was)
             x -= slide * ti.min(1.0, hold / ti.max(slide.norm(), 1e-12))
             self.board.set_vector(self.board.x, at, x)
             self.board.set_vector(self.board.start, at, start)
-
-    @ti.func
-    def _distance(self, k, x):
-        """(outward normal, signed distance [m])."""
-        found = tm.vec4(0.0)
-        if self.shape[k] == 0:
-            found = plane_distance(x, self.a[k], self.b[k])
-        elif self.shape[k] == 1:
-            found = box_distance(x, self.a[k], self.b[k])
-        else:
-            found = sphere_distance(x, self.a[k], self.b[k][0])
-        return found.xyz, found[3]

@@ -5,6 +5,7 @@ import math
 import taichi as ti
 import taichi.math as tm
 
+from sim.bodies import Bodies
 from sim.cloth.board import LANES, Board
 from sim.cloth.contact import SolidContact
 from sim.cloth.damping import damp_relative, largest_speed
@@ -58,7 +59,7 @@ class Xpbd:
         self.board = Board(sheet.shape)
         self.sweep = Sweep(sheet.families, self.board, cloth.strain_limit)
         self.tethers = Tethers(sheet, self.board, cloth.strain_limit)
-        self.contact = SolidContact(build.scene.solids.primitives, sheet.thickness, self.board)
+        self.contact = SolidContact(Bodies.of(build), sheet.thickness, self.board)
         self.measure = Measure(sheet, self.x, self.v, self.mass)
         self.guests = build.parts.setdefault("guests", [])
 
@@ -146,7 +147,7 @@ class Xpbd:
                     self.sweep.run(h, elastic)
                 if step < count:
                     self.tethers.project()
-                    self.contact.project()
+                    self.contact.project(h, (step + 1) * h)
                     for guest in ti.static(self.guests):
                         guest.project(h)
                     self._finish(h)
@@ -169,7 +170,7 @@ class Xpbd:
             low, high = ti.min(low, self.x[node]), ti.max(high, self.x[node])
         self.tethers.begin()
         reach = 2.0 * dt * (largest_speed(self.board) + dt * gravity.norm()) + self.sheet.spacing
-        self.contact.mark(low - reach, high + reach)
+        self.contact.mark(low - reach, high + reach, dt)
 
     @ti.func
     def _predict(self, h, gravity):

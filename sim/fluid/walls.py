@@ -1,15 +1,13 @@
 """Solids as the water meets them: an analytic share of density, and a last-resort push out of them."""
 
-import numpy as np
 import taichi as ti
 import taichi.math as tm
 
-from sim.maths.distance import box_distance, plane_distance, sphere_distance
+from sim.bodies import Bodies
 from sim.maths.kernels import KERNELS, wall_fit
 from sim.stage import Build
 from sim.state import Row
 
-PLANE, BOX, SPHERE = 0, 1, 2
 CLEAR = 0.2
 """Water nearer than this many spacings to a solid is put there. At rest it stands at 0.5, held by pressure, so this
 acts on the fastest alone; larger would stop what pressure ought to stop."""
@@ -19,13 +17,14 @@ PIECES_MAX = 16
 
 @ti.data_oriented
 class Walls:
-    """Planes, boxes and spheres. A wall is where water at rest stands half a spacing away.
+    """Solids, still or moving. A wall is where water at rest stands half a spacing away.
 
     With lambda the share of the kernel at x_i that solids fill, rho_i += rho0 lambda, and the reaction of pressure is
     the adjoint, a_i = -(p_i/rho_i^2) gradient[i], gradient = rho0 grad lambda (as in Akinci 2012, integrated), so walls
     pump no energy. lambda is steeper and shorter than a half-space's: see sim.maths.kernels.wall_fit.
     Solids overlap in corners: the share of both is lambda_1 lambda_2 where their faces are at right angles (exact at
     the corner), the smaller of the two where they are parallel, none where they are opposite; linear in the cosine.
+    Where solids move, D rho_i/Dt = rate(i, u_i): what they sweep together counts like what particles do.
     """
 
     rows = ("fluid.x",)
@@ -42,46 +41,48 @@ class Walls:
         self.spacing = fluid.spacing
         self.kernel = KERNELS[fluid.kernel]
         self.reach, self.offset = (a * fluid.spacing for a in wall_fit(self.kernel, fluid.support))
-        primitives = build.scene.solids.primitives
-        self.count = len(primitives)
-        self.rough = any(p.friction > 0.0 for p in primitives)
-        rows = max(self.count, 1)
-        self.shape = ti.field(ti.i32, shape=rows)
-        self.friction = ti.field(float, shape=rows)
-        self.a, self.b = ti.Vector.field(3, float, shape=rows), ti.Vector.field(3, float, shape=rows)
-        if primitives:
-            names = ("plane", "box", "sphere")
-            self.shape.from_numpy(np.array([names.index(p.shape) for p in primitives], np.int32))
-            self.friction.from_numpy(np.array([p.friction for p in primitives], float))
-            self.a.from_numpy(np.array([p.a for p in primitives], float))
-            self.b.from_numpy(np.array([p.b for p in primitives], float))
+        self.bodies = Bodies.of(build)
+        self.rough = self.bodies.rough
+        if self.bodies.moves:
+            capacity = max(build.state.sizes["fluid"], 1)
+            self.swept = ti.field(float, shape=capacity)
+            self.carried = ti.Vector.field(3, float, shape=capacity)
         build.parts["walls"] = self
 
     @ti.func
-    def distance(self, s, x):
-        """(outward normal, distance) of solid s."""
-        nd = tm.vec4(0.0, 0.0, 1.0, 1.0)
-        if self.shape[s] == PLANE:
-            nd = plane_distance(x, self.a[s], self.b[s])
-        elif self.shape[s] == BOX:
-            nd = box_distance(x, self.a[s], self.b[s])
-        else:
-            nd = sphere_distance(x, self.a[s], self.b[s][0])
-        return nd
-
-    @ti.func
     def meet(self, i):
-        """rho0 lambda [kg/m^3] of all solids at x_i; keeps gradient[i] and the friction."""
-        share, gradient, friction = self.fill(self.x[i])
+        """rho0 lambda [kg/m^3] of all solids at x_i; keeps gradient[i], the friction, and how the solids move."""
+        share, gradient, friction, swept, carried = self.fill(self.x[i])
         self.gradient[i], self.rub[i] = self.rest_density * gradient, friction
+        if ti.static(self.bodies.moves):
+            self.swept[i], self.carried[i] = self.rest_density * swept, carried
         return self.rest_density * share
 
     @ti.func
+    def rate(self, i, u):
+        """What solids add to D rho_i/Dt of a particle that moves at u: sum over them of (u - u_s) . rho0 grad lambda_s
+        [kg/(m^3 s)]."""
+        found = u.dot(self.gradient[i])
+        if ti.static(self.bodies.moves):
+            found -= self.swept[i]
+        return found
+
+    @ti.func
+    def velocity(self, i):
+        """Of the solid that fills most of the reach of particle i [m/s]; 0 where there is none, or it stands still."""
+        u = tm.vec3(0.0)
+        if ti.static(self.bodies.moves):
+            u = self.carried[i]
+        return u
+
+    @ti.func
     def fill(self, x):
-        """(lambda, grad lambda, friction): of all solids at x, as (1, 1/m, 1); friction of the one that fills most."""
+        """(lambda, grad lambda, friction, sum of u_s . grad lambda_s, u_s): of all solids at x, as (1, 1/m, 1, 1/s,
+        m/s); friction and velocity of the one that fills most."""
         share, gradient, friction, most = 0.0, tm.vec3(0.0), 0.0, 0.0
-        for s in range(self.count):
-            nd = self.distance(s, x)
+        swept, carried = 0.0, tm.vec3(0.0)
+        for s in range(self.bodies.count):
+            nd = self.bodies.distance(s, x)
             if nd[3] + self.offset < self.reach:
                 part, slope = self.kernel.wall(nd[3] + self.offset, self.reach)
                 towards = slope * nd.xyz
@@ -91,9 +92,11 @@ class Walls:
                 both, by_share, by_part = self._overlap(share, part, cosine)
                 share += part - both
                 gradient = (1.0 - by_share) * gradient + (1.0 - by_part) * towards
+                u = self.bodies.velocity(s, x)
+                swept = (1.0 - by_share) * swept + (1.0 - by_part) * towards.dot(u)
                 if part > most:
-                    most, friction = part, self.friction[s]
-        return share, gradient, friction
+                    most, friction, carried = part, self.bodies.friction[s], u
+        return share, gradient, friction, swept, carried
 
     @ti.func
     def _overlap(self, a, b, cosine):
@@ -112,7 +115,8 @@ class Walls:
         """v after Coulomb's friction on a particle that the walls pushed by `push` [m/s]: |dv_t| <= friction push."""
         if push > 0.0:
             n = self.gradient[i].normalized()
-            along = v - v.dot(n) * n
+            past = v - self.velocity(i)
+            along = past - past.dot(n) * n
             v -= along * ti.min(1.0, self.rub[i] * push / ti.max(along.norm(), 1e-12))
         return v
 
@@ -133,10 +137,11 @@ class Walls:
 
     @ti.func
     def _out(self, x, v):
-        for s in range(self.count):
-            nd = self.distance(s, x)
+        for s in range(self.bodies.count):
+            nd = self.bodies.distance(s, x)
             missing = CLEAR * self.spacing - nd[3]
             if missing > 0.0:
+                into = ti.min((v - self.bodies.velocity(s, x)).dot(nd.xyz), 0.0)
                 x += missing * nd.xyz
-                v -= ti.min(v.dot(nd.xyz), 0.0) * nd.xyz
+                v -= into * nd.xyz
         return x, v

@@ -19,7 +19,8 @@ class SceneData:
 
 def build_scene(config: Any) -> SceneData:
     """Raises ConfigError or CapacityError where the parts of the scene do not fit together."""
-    solids = build_solids(config.solid)
+    finest = config.fluid.spacing if config.fluid else config.cloth.spacing
+    solids = build_solids(config.solid, finest)
     water = build_water(config, solids) if config.fluid else None
     sheet = build_sheet(config.cloth) if config.cloth else None
     return SceneData(solids, water, sheet)

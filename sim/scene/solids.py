@@ -1,92 +1,150 @@
-"""[solid.*] -> primitives (planes, boxes, spheres) that water and cloth meet, and triangles that are drawn."""
+"""[solid.*] -> primitives that water and cloth meet, and triangles that are drawn."""
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
+from sim.scene import outline
+from sim.scene.course import Course
+from sim.scene.mesh import Grid, distance_grid, read_mesh
+from sim.shapes import rotation
+
+SHAPES = ("plane", "box", "sphere", "cylinder", "mesh")
+
 
 class Primitive(NamedTuple):
-    """shape "plane": a = point, b = normal; "box": a = centre, b = half size; "sphere": a = centre, b[0] = radius."""
+    """A solid, or a wall of one, in axes of its own about its centre.
+
+    shape     "plane": all that is below its own z = 0; "box", "sphere"; "cylinder": along its own z; "mesh": by `grid`
+    centre    [m]; turn: (3, 3), columns are its own axes
+    half      half of the smallest box round it, in its own axes [m]; of a plane nothing
+    course    where it moves; None: it stands still. pivot: what it turns about [m]
+    """
 
     solid: str
     shape: str
-    a: tuple[float, float, float]
-    b: tuple[float, float, float]
+    centre: np.ndarray
+    turn: np.ndarray
+    half: np.ndarray
     friction: float
+    course: Course | None
+    pivot: np.ndarray
+    grid: Grid | None
+
+    def place(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """(centre, turn) at a time [s]."""
+        if self.course is None:
+            return self.centre, self.turn
+        shift, angle = self.course.place(time)
+        swing = np.array(rotation(self.course.axis, angle))
+        return self.pivot + shift + swing @ (self.centre - self.pivot), swing @ self.turn
+
+    def motion(self, begin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+        """(linear, angular) velocity that takes it from its place at one time to that at another [m/s], [1/s].
+
+        A point x of it moves at linear + angular x (x - centre).
+        """
+        if self.course is None:
+            return np.zeros(3), np.zeros(3)
+        turned = self.course.place(end)[1] - self.course.place(begin)[1]
+        moved = self.place(end)[0] - self.place(begin)[0]
+        return moved / (end - begin), self.course.axis * (turned / (end - begin))
+
+    def arm(self) -> float:
+        """Farthest that a point of it can be from its pivot [m]."""
+        return float(np.linalg.norm(self.centre - self.pivot) + np.linalg.norm(self.half))
 
 
 @dataclass
 class Solids:
-    """primitives: tuple; x (s, 3) and triangles (r, 3) of what is drawn; ground_z: highest horizontal plane or nan."""
+    """primitives; outlines: of each primitive, in its own axes, what is drawn; ground_z: highest floor or nan [m]."""
 
     primitives: tuple[Primitive, ...]
-    x: np.ndarray
-    triangles: np.ndarray
+    outlines: tuple[outline.Outline | None, ...]
     ground_z: float
+    triangles: np.ndarray = field(init=False)
+
+    def __post_init__(self):
+        self.triangles = outline.join([o for o in self.outlines if o])[1]
+
+    @property
+    def moves(self) -> bool:
+        """Whether any of them ever does."""
+        return any(p.course for p in self.primitives)
+
+    def corners(self, time: float) -> np.ndarray:
+        """(s, 3) [m] of what is drawn, at a time [s]."""
+        placed = [(x, *p.place(time)) for p, o in zip(self.primitives, self.outlines) if o for x in o[:1]]
+        return np.concatenate([centre + x @ turn.T for x, centre, turn in placed]) if placed else np.zeros((0, 3))
 
 
-def build_solids(solids: dict) -> Solids:
-    """From config.solid: named tables by shape. A basin is a floor and four walls round an inside of `size`."""
+def build_solids(solids: dict, spacing: float = 0.0) -> Solids:
+    """From config.solid: named tables by shape. spacing [m]: what a mesh has to be resolved for."""
     primitives: list[Primitive] = []
-    boxes: list[tuple] = []
-    spheres: list[tuple] = []
+    outlines: list[outline.Outline | None] = []
     ground = [np.nan]
     for name, solid in solids.items():
-        if solid.shape == "plane":
-            normal = np.array(solid.normal, float) / np.linalg.norm(solid.normal)
-            primitives.append(Primitive(name, "plane", tuple(solid.point), tuple(normal.tolist()), solid.friction))
-            if normal[2] > 0.999:
-                ground.append(float(solid.point[2]))
-        elif solid.shape == "sphere":
+        for shape, centre, turn, half, drawn, grid in _parts(name, solid, spacing):
+            course, pivot = _course(solid)
             primitives.append(
-                Primitive(name, "sphere", tuple(solid.centre), (float(solid.radius), 0.0, 0.0), solid.friction)
+                Primitive(name, shape, np.array(centre, float), turn, half, solid.friction, course, pivot, grid)
             )
-            spheres.append((solid.centre, solid.radius))
-        else:
-            parts = [(solid.centre, solid.size)] if solid.shape == "box" else _basin_boxes(solid)
-            for centre, size in parts:
-                half = tuple(0.5 * s for s in size)
-                primitives.append(Primitive(name, "box", tuple(centre), half, solid.friction))
-                boxes.append((centre, half))
-    meshes = [_box_mesh(*b) for b in boxes] + [_sphere_mesh(*s) for s in spheres]
-    x, triangles = _join(meshes)
-    return Solids(tuple(primitives), x, triangles, float(np.nanmax(ground)) if len(ground) > 1 else np.nan)
+            outlines.append(drawn)
+        if solid.shape == "plane" and primitives[-1].turn[2, 2] > 0.999:
+            ground.append(float(solid.point[2]))
+    return Solids(tuple(primitives), tuple(outlines), float(np.nanmax(ground)) if len(ground) > 1 else np.nan)
+
+
+def _course(solid) -> tuple[Course | None, np.ndarray]:
+    """(its course, what it turns about)."""
+    path = getattr(solid, "path", None)
+    own = solid.point if solid.shape == "plane" else solid.centre
+    return Course(path) if path else None, np.array(path.centre if path and path.centre else own, float)
+
+
+def _parts(name: str, solid, spacing: float):
+    """(shape, centre, turn, half, outline, grid) of each primitive that a solid is made of."""
+    if solid.shape == "plane":
+        return [("plane", solid.point, _upright(solid.normal), np.zeros(3), None, None)]
+    if solid.shape == "sphere":
+        return [("sphere", solid.centre, np.eye(3), np.full(3, solid.radius), outline.sphere(solid.radius), None)]
+    if solid.shape == "cylinder":
+        half = np.array([solid.radius, solid.radius, 0.5 * solid.length])
+        drawn = outline.cylinder(solid.radius, half[2])
+        return [("cylinder", solid.centre, _upright(solid.axis), half, drawn, None)]
+    turn = getattr(solid, "turn", None)
+    turn = np.array(rotation(turn.axis, turn.angle)) if turn else np.eye(3)
+    if solid.shape == "mesh":
+        return [_mesh(name, solid, turn, spacing)]
+    boxes = [(np.zeros(3), solid.size)] if solid.shape == "box" else _basin_boxes(solid)
+    halves = [(np.array(offset, float), 0.5 * np.array(size, float)) for offset, size in boxes]
+    return [("box", solid.centre + turn @ at, turn, half, outline.box(half), None) for at, half in halves]
+
+
+def _mesh(name: str, solid, turn: np.ndarray, spacing: float):
+    """A mesh is kept about the middle of its box."""
+    x, triangles = read_mesh(name, solid)
+    middle = 0.5 * (x.min(0) + x.max(0))
+    x = x - middle
+    grid = distance_grid(name, x, triangles, spacing)
+    return ("mesh", solid.centre + turn @ middle, turn, x.max(0), (x, triangles), grid)
+
+
+def _upright(normal) -> np.ndarray:
+    """Right-handed axes whose third is the normal, to the last bit."""
+    n = np.array(normal, float) / np.linalg.norm(normal)
+    u = np.cross([0.0, 1.0, 0.0] if abs(n[1]) < 0.9 else [1.0, 0.0, 0.0], n)
+    u /= np.linalg.norm(u)
+    return np.stack([u, np.cross(n, u), n], 1)
 
 
 def _basin_boxes(basin) -> list[tuple]:
-    """Floor below z = centre.z and four walls, each `thickness` thick; corners belong to the x walls."""
-    (cx, cy, cz), (lx, ly, lz), t = basin.centre, basin.size, basin.thickness
-    floor = ((cx, cy, cz - t / 2), (lx + 2 * t, ly + 2 * t, t))
-    walls = [((cx + s * (lx + t) / 2, cy, cz + lz / 2), (t, ly + 2 * t, lz)) for s in (-1, 1)]
-    walls += [((cx, cy + s * (ly + t) / 2, cz + lz / 2), (lx, t, lz)) for s in (-1, 1)]
+    """Floor below z = 0 and four walls, each `thickness` thick; corners belong to the x walls."""
+    (lx, ly, lz), t = basin.size, basin.thickness
+    floor = ((0.0, 0.0, -t / 2), (lx + 2 * t, ly + 2 * t, t))
+    walls = [((s * (lx + t) / 2, 0.0, lz / 2), (t, ly + 2 * t, lz)) for s in (-1, 1)]
+    walls += [((0.0, s * (ly + t) / 2, lz / 2), (lx, t, lz)) for s in (-1, 1)]
     return [floor, *walls]
-
-
-def _box_mesh(centre, half) -> tuple[np.ndarray, np.ndarray]:
-    corners = np.array([[i, j, k] for k in (-1, 1) for j in (-1, 1) for i in (-1, 1)], float)
-    quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
-    triangles = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
-    return np.asarray(centre) + corners * np.asarray(half), np.array(triangles)
-
-
-def _sphere_mesh(centre, radius, rows: int = 24) -> tuple[np.ndarray, np.ndarray]:
-    theta = np.linspace(0, np.pi, rows + 1)
-    phi = np.linspace(0, 2 * np.pi, 2 * rows, endpoint=False)
-    t, p = np.meshgrid(theta, phi, indexing="ij")
-    unit = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], -1).reshape(-1, 3)
-    n = len(phi)
-    triangles = []
-    for i in range(rows):
-        for j in range(n):
-            a, b, c, d = i * n + j, (i + 1) * n + j, (i + 1) * n + (j + 1) % n, i * n + (j + 1) % n
-            triangles += [(a, b, c), (a, c, d)]
-    return np.asarray(centre) + radius * unit, np.array(triangles)
-
-
-def _join(meshes) -> tuple[np.ndarray, np.ndarray]:
-    if not meshes:
-        return np.zeros((0, 3)), np.zeros((0, 3), np.int32)
-    starts = np.cumsum([0] + [len(x) for x, _ in meshes[:-1]])
-    x = np.concatenate([x for x, _ in meshes])
-    return x, np.concatenate([t + s for (_, t), s in zip(meshes, starts)]).astype(np.int32)
