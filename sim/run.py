@@ -201,12 +201,11 @@ def _copy_meshes(folder: RunFolder, conf: Config) -> None:
     """What the scene reads besides itself, so that the folder runs again by itself."""
     for name, solid in conf.solid.items():
         if isinstance(solid, Mesh):
-            source = Path(solid.found)
             (folder.path / "meshes").mkdir(exist_ok=True)
-            checkpoint.write_whole(
-                folder.path / "meshes" / f"{name}{source.suffix}",
-                lambda file, source=source: file.write(source.read_bytes()),
-            )
+            source = Path(solid.found)
+            content = source.read_bytes()
+            copy = folder.path / "meshes" / f"{name}{source.suffix}"
+            checkpoint.write_whole(copy, lambda file, content=content: file.write(content))
 
 
 def _next_number(scene: str) -> Path:

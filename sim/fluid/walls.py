@@ -42,12 +42,18 @@ class Walls:
         self.kernel = KERNELS[fluid.kernel]
         self.reach, self.offset = (a * fluid.spacing for a in wall_fit(self.kernel, fluid.support))
         self.bodies = Bodies.of(build)
-        self.rough = self.bodies.rough
+        self.count, self.rough = self.bodies.count, self.bodies.rough
+        capacity = max(build.state.sizes["fluid"], 1)
+        self.stopped = ti.Vector.field(3, float, shape=capacity)
         if self.bodies.moves:
-            capacity = max(build.state.sizes["fluid"], 1)
             self.swept = ti.field(float, shape=capacity)
             self.carried = ti.Vector.field(3, float, shape=capacity)
         build.parts["walls"] = self
+
+    @ti.func
+    def distance(self, s, x):
+        """(outward normal, distance [m]) of solid s at x."""
+        return self.bodies.distance(s, x)
 
     @ti.func
     def meet(self, i):
@@ -81,8 +87,8 @@ class Walls:
         m/s); friction and velocity of the one that fills most."""
         share, gradient, friction, most = 0.0, tm.vec3(0.0), 0.0, 0.0
         swept, carried = 0.0, tm.vec3(0.0)
-        for s in range(self.bodies.count):
-            nd = self.bodies.distance(s, x)
+        for s in range(self.count):
+            nd = self.distance(s, x)
             if nd[3] + self.offset < self.reach:
                 part, slope = self.kernel.wall(nd[3] + self.offset, self.reach)
                 towards = slope * nd.xyz
@@ -122,8 +128,9 @@ class Walls:
 
     @ti.func
     def move(self, i, v, dt):
-        """(x, v) after dt: straight, but not into a solid; velocity into one that it would enter is taken away."""
-        x = self.x[i]
+        """(x, v) after dt: straight, but not into a solid; velocity into one that it would enter is taken away, and
+        kept in stopped[i] [m/s] until the next move."""
+        x, before = self.x[i], v
         steps = v.norm() * dt / (0.4 * self.spacing)
         # Out of reach of every solid at the start, a short move needs no look.
         if steps > 1.5 or self.gradient[i].norm_sqr() > 0.0:
@@ -133,12 +140,13 @@ class Walls:
                 x, v = self._out(x, v)
         else:
             x += v * dt
+        self.stopped[i] = before - v
         return x, v
 
     @ti.func
     def _out(self, x, v):
-        for s in range(self.bodies.count):
-            nd = self.bodies.distance(s, x)
+        for s in range(self.count):
+            nd = self.distance(s, x)
             missing = CLEAR * self.spacing - nd[3]
             if missing > 0.0:
                 into = ti.min((v - self.bodies.velocity(s, x)).dot(nd.xyz), 0.0)

@@ -9,6 +9,7 @@ import numpy as np
 
 from sim.constants import MASS_UNIT
 from sim.errors import CapacityError, ConfigError
+from sim.scene.clearance import clearance
 from sim.scene.solids import Solids
 
 FEMTO = 10**15
@@ -16,6 +17,8 @@ FEMTO = 10**15
 SPARE = 0.05
 SPARE_WETTING = 0.25
 """Share of particles beyond those expected: drops that leave the cloth while others still soak in."""
+CLEARANCE = 0.4
+"""[dx] A block leaves out what is nearer than this to a solid, or inside: water at rest stands at 0.5."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ def build_water(config: Any, solids: Solids) -> Water:
     dx = fluid.spacing
     units = round(fluid.liquid.rest_density * dx**3 / MASS_UNIT)
     lattices = [_lattice(name, block, dx) for name, block in fluid.block.items()]
+    lattices = [x[clearance(solids.primitives, x) > CLEARANCE * dx] for x in lattices]
     speeds = [np.tile(b.velocity, (len(x), 1)) for b, x in zip(fluid.block.values(), lattices)]
     x = np.concatenate(lattices) if lattices else np.zeros((0, 3))
     v = np.concatenate(speeds) if speeds else np.zeros((0, 3))
