@@ -29,6 +29,7 @@ class Bodies:
         self.count, self.moves = len(primitives), self.solids.moves
         self.rough = any(p.friction > 0.0 for p in primitives)
         self.step_max = REACH * build.config.fluid.spacing if getattr(build.config, "fluid", None) else float("inf")
+        self.ahead = build.config.run.dt_max if self.moves else 0.0
         rows = max(self.count, 1)
         self.shape = ti.field(ti.i32, shape=rows)
         self.friction = ti.field(float, shape=rows)
@@ -88,8 +89,8 @@ class Bodies:
 
     def _limit(self) -> Limit:
         """No solid moves farther than REACH in a step, going by its speed about now."""
-        now, cap = self.parts["clock"].time, self.parts["clock"].cap.seconds
-        speeds = [p.course.top_speed(now, now + cap, p.arm()) for p in self.solids.primitives if p.course]
+        now = self.parts["clock"].time
+        speeds = [p.course.top_speed(now, now + self.ahead, p.arm()) for p in self.solids.primitives if p.course]
         return Limit(self.step_max / max(max(speeds), 1e-12), "solid speed")
 
     @ti.kernel

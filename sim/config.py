@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
-from sim import explain, fit, registry, toml
+from sim import explain, fit, preset, registry, toml
 from sim.errors import ConfigError
 from sim.explain import Problem
 from sim.model import Model
@@ -96,7 +96,7 @@ def load(scene: str | Path, overrides: Iterable[str] = (), quick: bool = False, 
     config = _read_schema(reading)
     config = _find_meshes(reading, config, path.parent)
     reading.refuse(fit.problems(config))
-    config = _wetted(_read_methods(reading, config, registry))
+    config = preset.filled_in(_wetted(_read_methods(reading, config, registry)))
     return config.model_copy(update={"warnings": fit.warnings(config)})
 
 

@@ -1,28 +1,14 @@
 """Is this still physics? Each failure is named, located and explained; the run stops with its last good state."""
 
-import math
-
 import numpy as np
 
 from sim.errors import DivergedError
+from sim.preset import expected_speed
 
 EXPLODING = 10.0
 """[1] times the expected speed. Splashes reach 2 to 3 times; a failed pressure solve passes 10 within a frame."""
 IMPLODING = 1.5
 """[1] times the rest density, mean over the water: no splash compresses all of it by half."""
-
-
-def expected_speed(config) -> float:
-    """Fastest that this scene can make water or cloth: inflow, and a fall through the whole domain [m/s]."""
-    speeds = [emitter.speed for emitter in config.emitter.values()]
-    if config.fluid:
-        speeds += [math.sqrt(sum(c * c for c in block.velocity)) for block in config.fluid.block.values()]
-    gravity = math.sqrt(sum(g * g for g in config.space.gravity))
-    if config.fluid:
-        fall = config.space.high[2] - config.space.low[2]
-    else:
-        fall = max(config.cloth.size) + abs(config.cloth.centre[2])
-    return math.sqrt(max(speeds, default=0.0) ** 2 + 2.0 * gravity * fall)
 
 
 def check_things(what: str, x: np.ndarray, v: np.ndarray, ids: np.ndarray, time: float, config) -> None:

@@ -88,6 +88,7 @@ class Fluid(Model):
     method: str = option("dfsph", why="incompressible at large steps")
     search: str = option("grid", why="linear in the particles")
     terms: tuple[str, ...] = option(("viscosity",), why="compiled in; [] for none")
+    expected_speed: float | None = quantity(None, "speed", gt=0, why="absent = by inflow, moving solids and a fall")
     particles_max: Literal["auto"] | int = quantity("auto", ge=1, le=2**31 - 1, why="rate x time + blocks + 5 %")
     liquid: Liquid
     block: dict[str, Block] = Field(default_factory=dict)

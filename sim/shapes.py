@@ -43,6 +43,14 @@ class Path(Model):
 
     _axis = field_validator("axis")(nonzero)
 
+    @property
+    def top_speed(self) -> float:
+        """Of the shift, from rest to rest between two entries: 3/2 of the mean speed [m/s]."""
+        if self.shift is None:
+            return 0.0
+        ways = [math.dist(a, b) for a, b in zip(self.shift, self.shift[1:])]
+        return max(1.5 * way / (b - a) for way, a, b in zip(ways, self.times, self.times[1:]))
+
     @model_validator(mode="after")
     def _fits(self) -> Path:
         if len(self.times) < 2 or any(a >= b for a, b in zip(self.times, self.times[1:])):

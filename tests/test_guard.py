@@ -12,7 +12,8 @@ from sim.stage import Limit, Stage
 
 SCENE = SimpleNamespace(
     emitter={"spout": SimpleNamespace(speed=0.5)},
-    fluid=SimpleNamespace(block={}, method="dfsph", liquid=SimpleNamespace(rest_density=1000.0)),
+    solid={},
+    fluid=SimpleNamespace(block={}, method="dfsph", expected_speed=None, liquid=SimpleNamespace(rest_density=1000.0)),
     space=SimpleNamespace(gravity=(0.0, 0.0, -9.81), low=(0.0, 0.0, 0.0), high=(1.0, 1.0, 0.3)),
 )
 

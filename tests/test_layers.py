@@ -12,7 +12,7 @@ LAYERS = (
     ("stage", "shapes"),
     ("schema",),
     ("explain",),
-    ("fit",),
+    ("fit", "preset"),
     ("config",),
     ("scene",),
     ("search", "bodies"),

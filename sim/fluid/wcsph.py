@@ -1,5 +1,7 @@
 """Weakly compressible SPH: pressure straight from density, in small steps."""
 
+from typing import Self
+
 import taichi as ti
 
 from sim.fluid.motion import Motion
@@ -10,6 +12,8 @@ from sim.state import Row
 
 GAMMA = 7
 """Tait's exponent for water."""
+SOUND = 10.0
+"""[1] Times the expected speed."""
 
 
 @register("fluid.pressure", "wcsph")
@@ -22,9 +26,18 @@ class Wcsph:
     """
 
     class Params(Model):
-        sound_speed: float = quantity("30 m/s", gt=0, why="10 x the expected speed keeps compression under 1 %")
+        sound_speed: float | None = quantity(None, "speed", gt=0, why="absent = 10 x fluid.expected_speed")
         alpha: float = quantity(0.08, ge=0, le=1, why="artificial viscosity; 0.08 to 0.5 in Becker & Teschner")
         cfl: float = quantity(0.4, gt=0, le=1, why="dt <= cfl spacing / max speed")
+
+        def follow(self, fluid) -> Self:
+            """The speed of sound where the scene gives none: water at U is then compressed by (U/c)^2 = 1 %."""
+            return self.model_copy(update={"sound_speed": self.sound_speed or SOUND * fluid.expected_speed})
+
+        def sound_limit(self, fluid) -> Limit:
+            """dt <= 0.4 h/(c (1 + 0.6 alpha)), h = H/2, at rest; speed has its own.   Monaghan 1992"""
+            speed = self.sound_speed * (1.0 + 0.6 * self.alpha)
+            return Limit(0.4 * 0.5 * fluid.support_radius / speed, "sound speed")
 
     rows = ("fluid.x", "fluid.v", "fluid.mass", "fluid.density", "fluid.acceleration", "fluid.pressure_acceleration")
     scratch = (Row("fluid.wcsph.kappa", "f", "m^5/(kg s^2)", "p/rho^2", saved=False),)
@@ -36,6 +49,7 @@ class Wcsph:
         self.x, self.v, self.mass, self.density, _, self.pressure_acceleration = (build.state[n] for n in self.rows)
         self.kappa = build.state["fluid.wcsph.kappa"]
         self.rest_density = fluid.liquid.rest_density
+        self.sound_limit = params.sound_limit(fluid)
         self.h = 0.5 * fluid.support_radius
         self.stiffness = self.rest_density * params.sound_speed**2 / GAMMA
         self.damping = params.alpha * self.h * params.sound_speed / self.rest_density
@@ -48,7 +62,7 @@ class Wcsph:
         forces, move = self.motion.stages()
         reads = ("fluid.x", "fluid.v", "fluid.mass", "fluid.density")
         return (
-            Stage("density", "prepare", self.prepare, reads[:3], ("fluid.density",), self._limit),
+            Stage("density", "prepare", self.prepare, reads[:3], ("fluid.density",), lambda: self.sound_limit),
             forces,
             Stage("pressure", "solve", self.solve, reads, ("fluid.v", "fluid.pressure_acceleration")),
             move,
@@ -61,10 +75,6 @@ class Wcsph:
     def solve(self, dt: float) -> None:
         """v += dt times the pressure's acceleration."""
         self._push(dt, self.pairs.neighbour, self.pairs.gradient)
-
-    def _limit(self) -> Limit:
-        """dt <= 0.4 h/(c (1 + 0.6 alpha)).   Monaghan 1992, at rest; the speed's own limit stands beside it."""
-        return Limit(0.4 * self.h / (self.params.sound_speed * (1.0 + 0.6 * self.params.alpha)), "sound speed")
 
     @ti.func
     def pressure(self, i):

@@ -29,6 +29,15 @@ class Gauge:
             self.force[i] = self.mass[i] * (kappa * self.walls.gradient[i] + self.walls.stopped[i] / dt)
 
 
+def on_patch(x: np.ndarray, centre: np.ndarray, size: np.ndarray, spacing: float) -> np.ndarray:
+    """Share (n,) of each particle's footprint, a square of side dx, that lies on a rectangle of a wall.
+
+    x (n, 2): places along the wall; centre, size (2,) of the rectangle [m].
+    """
+    beyond = np.abs(x - centre)
+    return np.clip((0.5 * (size + spacing) - beyond) / spacing, 0.0, np.minimum(1.0, size / spacing)).prod(1)
+
+
 def depth(x: np.ndarray, centre: tuple[float, float], side: float, spacing: float) -> float:
     """Water in a square column over a point of the floor, as its depth: N dx^3/side^2 [m]. x (n, 3)."""
     inside = (np.abs(x[:, :2] - centre) < 0.5 * side).all(1)

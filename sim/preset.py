@@ -1,0 +1,34 @@
+"""What follows from a scene's own numbers: how fast its water can get, and what methods make of that."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+
+def expected_speed(config: Any) -> float:
+    """Fastest that this scene can make water or cloth [m/s]: as fluid.expected_speed says, or inflow and moving solids,
+    and a fall through the whole domain."""
+    if config.fluid and config.fluid.expected_speed is not None:
+        return config.fluid.expected_speed
+    speeds = [emitter.speed for emitter in config.emitter.values()]
+    speeds += [solid.path.top_speed for solid in config.solid.values() if solid.path]
+    if config.fluid:
+        speeds += [math.sqrt(sum(c * c for c in block.velocity)) for block in config.fluid.block.values()]
+    gravity = math.sqrt(sum(g * g for g in config.space.gravity))
+    if config.fluid:
+        fall = config.space.high[2] - config.space.low[2]
+    else:
+        fall = max(config.cloth.size) + abs(config.cloth.centre[2])
+    return math.sqrt(max(speeds, default=0.0) ** 2 + 2.0 * gravity * fall)
+
+
+def filled_in(config: Any) -> Any:
+    """The config with its expected speed, and with what its pressure method leaves to that (its `follow`)."""
+    fluid = config.fluid
+    if not fluid:
+        return config
+    fluid = fluid.model_copy(update={"expected_speed": expected_speed(config)})
+    if hasattr(fluid.params, "follow"):
+        fluid = fluid.model_copy(update={"params": fluid.params.follow(fluid)})
+    return config.model_copy(update={"fluid": fluid})
