@@ -181,12 +181,15 @@ def chart(
 
 @app.command()
 def doctor(
-    scene: Annotated[str | None, typer.Argument(help="A scene: its cost and limits.")] = None,
+    scene: Annotated[str | None, typer.Argument(help="A scene: its constants, limits and cost.")] = None,
+    settings: Settings = None,
+    quick: Quick = False,
 ) -> None:
-    """What this machine can do, in ten lines; of a scene, which limit binds and what it costs."""
+    """What this machine can do, in ten lines; of a scene, what follows from it, which limit binds, what it costs."""
+    from sim import advice
     from sim import doctor as doctors
 
-    print(doctors.scene(scene) if scene else doctors.machine())
+    print(advice.scene(_config(scene, settings, quick)) if scene else doctors.machine())
 
 
 @app.command()

@@ -1,17 +1,15 @@
-"""What this machine can do, and what a scene asks of it: which limit binds the time step, and why a run failed."""
+"""What this machine can do."""
 
 from __future__ import annotations
 
 import importlib.metadata
-import math
 import os
 import platform
 import shutil
 from pathlib import Path
 
-from sim import config, guard, run
+from sim import run
 from sim.errors import SeepError
-from sim.schema import Config
 
 PACKAGES = ("taichi", "numpy", "pydantic", "imageio-ffmpeg", "matplotlib")
 
@@ -31,52 +29,6 @@ def machine() -> str:
         "disk": f"{shutil.disk_usage(run.OUTPUTS.parent).free / 1e9:.1f} GB free for {run.OUTPUTS.name}/",
     }
     return "\n".join(f"{name:9} {text}" for name, text in rows.items())
-
-
-def scene(name: str) -> str:
-    """What a scene costs and which limit of the time step binds, before anything is run."""
-    conf = config.load(name)
-    rows = [("scene", f"{conf.name}: {conf.title}"), ("frames", f"{conf.run.frame_count} at {conf.run.fps} per second")]
-    if conf.fluid:
-        water = conf.fluid
-        rows.append(("water", f"about {_particles(conf):,} particles of {1e3 * water.spacing:g} mm, {water.method}"))
-    if conf.cloth:
-        across, along = conf.cloth.node_counts
-        triangles = 2 * (across - 1) * (along - 1)
-        rows.append(("cloth", f"{across} x {along} nodes, {triangles:,} triangles, {conf.cloth.method}"))
-    speed = guard.expected_speed(conf)
-    rows.append(("speed", f"{speed:.2g} m/s expected; {guard.EXPLODING:g} times that is called exploding"))
-    limits = sorted(_limits(conf).items(), key=lambda item: item[1])
-    rows += [("dt", f"{seconds:.2g} s by {what}") for what, seconds in limits]
-    rows.append(("binds", limits[0][0]))
-    rows += [("warning", text) for text in conf.warnings]
-    failed = [folder for folder in run.runs(conf.name)[-1:] if folder.record().get("state") == "diverged"]
-    rows += [("last run", f"{folder.label}: {folder.record().get('reason')}") for folder in failed]
-    return "\n".join(f"{title:9} {text}" for title, text in rows)
-
-
-def _limits(conf: Config) -> dict[str, float]:
-    """Bounds of the time step at the speed expected [s]."""
-    limits = {"run.dt_max": conf.run.dt_max, "one frame": 1.0 / conf.run.fps}
-    if conf.fluid:
-        water, speed = conf.fluid, guard.expected_speed(conf)
-        smoothing = 0.5 * water.support_radius
-        if sound := getattr(water.params, "sound_speed", None):
-            limits["sound speed, 0.25 h/(c + U)"] = 0.25 * smoothing / (sound + speed)
-        if cfl := getattr(water.params, "cfl", None):
-            limits["water moving, cfl dx/U"] = cfl * water.spacing / speed
-        if water.liquid.nu > 0:
-            limits["viscosity, 0.125 h^2/nu"] = 0.125 * smoothing**2 / water.liquid.nu
-    return limits
-
-
-def _particles(conf: Config) -> int:
-    """Those of blocks, and all that the streams pour until the end."""
-    volume = sum(math.prod(b - a for a, b in zip(block.low, block.high)) for block in conf.fluid.block.values())
-    for stream in conf.emitter.values():
-        end = conf.run.duration if stream.repeat or stream.stop is None else min(stream.stop, conf.run.duration)
-        volume += stream.rate * max(0.0, end - stream.start)
-    return round(volume / conf.fluid.spacing**3)
 
 
 def _version(package: str) -> str:

@@ -21,7 +21,7 @@ LAYERS = (
     ("pipeline", "clock", "ledger", "guard", "checkpoint"),
     ("world",),
     ("run", "listing"),
-    ("doctor", "studies"),
+    ("doctor", "advice", "studies"),
 )
 """Rooms of sim/, lowest first. A room knows itself and the rows below it, never its neighbours."""
 LONGEST_FILE = 420
