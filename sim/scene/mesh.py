@@ -89,26 +89,23 @@ def _keep_nearest(distance, nearest, at, found, t) -> None:
 
 
 def _spread(distance, nearest, corners, low, cell, band) -> np.ndarray:
-    """Samples learn from their neighbours which triangle is near, pass by pass, until no one within the band gains.
+    """Samples within the band tell their 26 neighbours which triangle is near, until no one gains.
 
     Danielsson 1980, with triangles for points; what is farther than the band counts as the band.
     """
     fresh = nearest >= 0
     while fresh.any():
         gained = np.zeros_like(fresh)
-        for axis in range(3):
-            for step in (1, -1):
-                source, target = [slice(None)] * 3, [slice(None)] * 3
-                source[axis], target[axis] = (slice(None, -1), slice(1, None))[::step]
-                told = fresh[tuple(source)] & (nearest[tuple(source)] != nearest[tuple(target)])
-                place = np.argwhere(told)
-                t = nearest[tuple(source)][told]
-                place[:, axis] += step > 0
-                at = tuple(place.T)
-                found = _distance(low + cell * place, corners[t])
-                better = (found < distance[at]) & (found < band)
-                at = tuple(p[better] for p in at)
-                distance[at], nearest[at], gained[at] = found[better], t[better], True
+        for way in np.ndindex(3, 3, 3):
+            source = tuple(slice(max(1 - w, 0), n - max(w - 1, 0)) for w, n in zip(way, fresh.shape))
+            target = tuple(slice(max(w - 1, 0), n - max(1 - w, 0)) for w, n in zip(way, fresh.shape))
+            told = fresh[source] & (nearest[source] != nearest[target]) & (distance[source] < band)
+            t = nearest[source][told]
+            place = np.argwhere(told) + [s.start for s in target]
+            found = _distance(low + cell * place, corners[t])
+            better = found < distance[tuple(place.T)]
+            at = tuple(place[better].T)
+            distance[at], nearest[at], gained[at] = found[better], t[better], True
         fresh = gained
     return np.minimum(distance, band)
 

@@ -1,0 +1,411 @@
+"""Solids of every shape, still and moving, as water meets them; a scene runs once, in its own process."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sim.errors import ConfigError
+from sim.scene.course import Course
+from sim.scene.mesh import distance_grid, read_mesh
+from tests.spawned import open_world, spawn
+
+RING, TUBE = 0.016, 0.008
+VOLUMES = {
+    "ring": 2.0 * np.pi**2 * RING * TUBE**2,
+    "bar": np.pi * 0.009**2 * 0.032,
+    "ball": 4.0 / 3.0 * np.pi * 0.01**3,
+}
+
+SUNK = """
+schema = 1
+[run]
+duration = "0.4 s"
+fps = 20
+[space]
+low = [-0.1, -0.1, -0.05]
+high = [0.1, 0.1, 0.1]
+[fluid]
+spacing = "4 mm"
+[fluid.block.water]
+low = [-0.06, -0.032, 0.0]
+high = [0.06, 0.032, 0.06]
+[solid.tank]
+shape = "basin"
+size = ["12 cm", "6.4 cm", "9 cm"]
+[solid.ring]
+shape = "mesh"
+file = "ring.obj"
+scale = 0.001
+centre = [0.028, 0.0, 0.03]
+[solid.bar]
+shape = "cylinder"
+centre = [-0.035, 0.0, 0.03]
+radius = "9 mm"
+length = "32 mm"
+axis = [0.0, 1.0, 0.0]
+[solid.ball]
+shape = "sphere"
+centre = [-0.008, 0.012, 0.03]
+radius = "1 cm"
+[solid.lid]
+shape = "box"
+centre = [0.0, 0.0, 0.2]
+size = [0.04, 0.02, 0.01]
+turn = { axis = [1.0, 1.0, 0.0], angle = "50 deg" }
+"""
+
+BUSY = """
+schema = 1
+[run]
+duration = "0.24 s"
+fps = 50
+[space]
+low = [-0.1, -0.05, -0.05]
+high = [0.3, 0.05, 0.2]
+[fluid]
+spacing = "4 mm"
+[fluid.block.water]
+low = [0.0, -0.02, 0.0]
+high = [0.1, 0.02, 0.032]
+[emitter.left]
+centre = [0.22, 0.0, 0.12]
+speed = "0.5 m/s"
+rate = "80 ml/s"
+stop = "0.1 s"
+[emitter.right]
+centre = [0.22, 0.0, 0.02]
+direction = [1.0, 0.0, 0.0]
+speed = "0.8 m/s"
+rate = "100 ml/s"
+start = "0.04 s"
+stop = "0.2 s"
+[drain.below]
+low = [0.19, -0.05, 0.04]
+high = [0.25, 0.05, 0.08]
+[drain.beside]
+low = [0.26, -0.05, -0.02]
+high = [0.29, 0.05, 0.04]
+[solid.tank]
+shape = "basin"
+centre = [0.05, 0.0, 0.0]
+size = ["22 cm", "4 cm", "12 cm"]
+[solid.gate]
+shape = "box"
+centre = [0.115, 0.0, 0.06]
+size = ["3 cm", "4 cm", "12 cm"]
+[solid.piston]
+shape = "box"
+centre = [-0.02, 0.0, 0.06]
+size = ["4 cm", "4 cm", "12 cm"]
+path = { times = ["0.02 s", "0.22 s"], shift = [[0.0, 0.0, 0.0], ["2 cm", 0.0, 0.0]] }
+[solid.rotor]
+shape = "cylinder"
+centre = [0.06, 0.0, 0.1]
+radius = "3 mm"
+length = "3 cm"
+axis = [1.0, 0.0, 0.0]
+path = { times = ["0 s", "1 s"], angle = ["0 deg", "360 deg"], repeat = true }
+"""
+
+
+def torus(rows: int = 32, around: int = 16) -> tuple[np.ndarray, np.ndarray]:
+    """Corners [mm] and triangles, outwards."""
+    i, j = (g.ravel() for g in np.meshgrid(np.arange(rows), np.arange(around), indexing="ij"))
+    u, v = 2.0 * np.pi * i / rows, 2.0 * np.pi * j / around
+    reach = RING + TUBE * np.cos(v)
+    x = 1e3 * np.stack([reach * np.cos(u), reach * np.sin(u), TUBE * np.sin(v)], 1)
+    a, b = i * around + j, (i + 1) % rows * around + j
+    c, d = (i + 1) % rows * around + (j + 1) % around, i * around + (j + 1) % around
+    return x, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
+def write_obj(path, x, triangles) -> None:
+    lines = [f"v {a:.9g} {b:.9g} {c:.9g}" for a, b, c in x] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in triangles]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def mesh_table(path, **more) -> SimpleNamespace:
+    return SimpleNamespace(**{"file": path.name, "found": str(path), "scale": 1e-3, **more})
+
+
+def test_distances_to_a_mesh_are_those_of_what_it_is_a_mesh_of(tmp_path):
+    write_obj(tmp_path / "ring.obj", *torus(96, 48))
+    x, triangles = read_mesh("ring", mesh_table(tmp_path / "ring.obj"))
+    grid = distance_grid("ring", x, triangles, 0.004)
+    at = grid.low + grid.cell * np.stack(np.indices(grid.distance.shape), -1)
+    true = np.hypot(np.hypot(at[..., 0], at[..., 1]) - RING, at[..., 2]) - TUBE
+    assert np.abs(grid.distance - np.clip(true, -0.01, 0.01)).max() < 2e-4
+    assert ((grid.distance < 0.0) == (true < 0.0))[np.abs(true) > 1e-4].all()
+
+
+def test_a_mesh_turned_inside_out_is_turned_back(tmp_path):
+    x, triangles = torus()
+    write_obj(tmp_path / "ring.obj", x, triangles[:, ::-1])
+    x, triangles = read_mesh("ring", mesh_table(tmp_path / "ring.obj"))
+    a, b, c = x[triangles].transpose(1, 0, 2)
+    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0 == pytest.approx(VOLUMES["ring"], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    "kept, words", [(slice(3, None), "open: 9 edges have not two triangles"), (slice(0), "no tri")]
+)
+def test_a_mesh_that_holds_no_water_out_is_refused(tmp_path, kept, words):
+    x, triangles = torus()
+    write_obj(tmp_path / "ring.obj", x, triangles[kept])
+    with pytest.raises(ConfigError, match=rf'solid\.ring\.file = "ring\.obj": .*{words}'):
+        read_mesh("ring", mesh_table(tmp_path / "ring.obj"))
+
+
+def course(times, shift=None, angle=None, repeat=False) -> Course:
+    path = SimpleNamespace(times=times, shift=shift, angle=angle, axis=(0.0, 0.0, 1.0), repeat=repeat)
+    return Course(path)
+
+
+def test_a_path_passes_its_entries_smoothly_and_never_beyond_them():
+    shift = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.1, 0.2, 0.0), (0.05, 0.2, 0.0)]
+    made = course((1.0, 2.0, 2.5, 4.0), shift)
+    for t, entry in zip(made.times, shift):
+        assert made.place(t)[0] == pytest.approx(entry)
+    t = np.linspace(0.0, 5.0, 50001)
+    x = np.array([made.place(a)[0] for a in t])
+    v = np.diff(x, axis=0) / np.diff(t)[:, None]
+    assert x.min() >= 0.0 and x[:, 0].max() <= 0.1 and x[:, 1].max() <= 0.2
+    assert not v[t[1:] < 1.0].any() and not v[t[:-1] > 4.0].any()
+    assert np.abs(np.diff(v, axis=0)).max() < 1e-3 * np.abs(v).max()
+    assert np.linalg.norm(v, axis=1).max() == pytest.approx(made.fastest(0.0), rel=0.02)
+
+
+def test_a_path_that_repeats_goes_round_evenly():
+    made = course((0.0, 2.0), angle=(0.0, np.pi), repeat=True)
+    for t in (0.3, 2.0, 2.5, 7.0):
+        assert made.place(t)[1] == pytest.approx(0.5 * np.pi * t)
+    assert made.top_speed(6.9, 7.1, 0.2) == pytest.approx(0.1 * np.pi)
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ("solid.piston.path.times=[0.0]", "times must be two or more"),
+        ("solid.piston.path.times=[0.3, 0.1]", "each later than the one before"),
+        ("solid.piston.path.shift=[[0, 0, 0]]", "shift has 1 entries for 2 times"),
+        ('solid.piston.path.shift=[[0, 0, 0], ["1 s", 0, 0]]', "needs a length"),
+        ("solid.piston.path.repeat=true", "repeat needs a shift that ends where it began"),
+        ("solid.rotor.axis=[0, 0, 0]", "must not be the zero vector"),
+        ("solid.rotor.shape=mesh", "solid.rotor.file: missing"),
+        ("solid.rotor.radius=-1", "must be > 0"),
+    ],
+)
+def test_wrong_solids_are_told_in_a_line(scene_file, change, words):
+    from sim import config
+
+    with pytest.raises(ConfigError) as told:
+        config.load(scene_file(BUSY), [change])
+    assert words in str(told.value) and "\n" not in str(told.value)
+
+
+def test_a_mesh_follows_its_scene_into_the_run(scene_file, tmp_path):
+    from sim import config, run
+
+    path = scene_file(SUNK)
+    with pytest.raises(ConfigError, match='solid.ring.file = "ring.obj": no such file'):
+        config.load(path)
+    write_obj(path.parent / "ring.obj", *torus())
+    conf = config.load(path)
+    folder = run._prepare(conf, run.Plan(tmp_path / "run"))
+    (path.parent / "ring.obj").unlink()
+    again = config.load(folder.config)
+    assert config.differences(again, conf) == []
+    (folder.path / "meshes" / "ring.obj").write_text("v 0 0 0\n")
+    with pytest.raises(ConfigError, match="is not the mesh that this scene was resolved with"):
+        config.load(folder.config)
+
+
+def _sunk(path: str) -> dict:
+    from sim.scene.clearance import clearance
+    from sim.studies.water.gauge import Gauge
+
+    world = open_world(path)
+    gauge, dx = Gauge(world), world.config.fluid.spacing
+    solids = [p for p in world.scene.solids.primitives if p.solid in VOLUMES]
+    start = clearance(world.scene.solids.primitives, world.scene.water.x)
+    lifts, whole = [], []
+    while world.clock.time < 0.4 - 1e-9:
+        before = world.clock.time
+        world.step()
+        if world.clock.time > 0.2:
+            x, force = gauge.read(world.clock.time - before)
+            gap = np.array([clearance([p], x) for p in solids])
+            near = (gap < 1.2 * dx) & (np.arange(len(solids))[:, None] == gap.argmin(0))
+            lifts.append((near * force[:, 2]).sum(1))
+            whole.append(force[:, 2].sum())
+    return {
+        "start": start.min() / dx,
+        "gap": gap.min() / dx,
+        "lifts": dict(zip([p.solid for p in solids], np.mean(lifts, 0))),
+        "weight": -np.mean(whole) / (9.81 * len(x) * world.scene.water.units * 1e-15),
+        "distances": _distances(world),
+    }
+
+
+def _distances(world) -> dict:
+    """Of random points round every solid: the kernel's distance, NumPy's, and how far the kernel's step along its
+    normal leads."""
+    import taichi as ti
+
+    from sim.bodies import Bodies
+    from sim.scene.clearance import clearance
+
+    bodies, primitives = Bodies.of(world.build), world.scene.solids.primitives
+    points = ti.Vector.field(3, float, shape=400)
+    out = ti.field(float, shape=(len(primitives), 400, 2))
+
+    @ti.kernel
+    def measure(step: float):
+        for s, k in ti.ndrange(len(primitives), 400):
+            nd = bodies.distance(s, points[k])
+            out[s, k, 0] = nd[3]
+            out[s, k, 1] = bodies.distance(s, points[k] + step * nd.xyz)[3] - nd[3]
+
+    found = {}
+    for s, p in enumerate(primitives):
+        reach = np.random.default_rng(s).uniform(-1.0, 1.0, (400, 3)) * (p.half + 0.006)
+        x = p.centre + reach @ p.turn.T
+        points.from_numpy(x.astype(np.float32))
+        measure(1e-4)
+        d = out.to_numpy()[s]
+        found[p.solid] = (d[:, 0], clearance([p], x), d[:, 1] / 1e-4)
+    return found
+
+
+@pytest.fixture(scope="module")
+def sunk(tmp_path_factory):
+    """A ring (a mesh), a bar and a ball under water at rest, 5,800 particles."""
+    folder = tmp_path_factory.mktemp("sunk")
+    write_obj(folder / "ring.obj", *torus())
+    (folder / "scene.toml").write_text(SUNK)
+    return spawn(_sunk, str(folder / "scene.toml"))
+
+
+@pytest.mark.parametrize("name", sorted(VOLUMES))
+def test_what_is_under_water_is_lifted_by_the_weight_of_as_much_water(sunk, name):
+    """Two to three particles a radius."""
+    assert sunk["lifts"][name] == pytest.approx(9810.0 * VOLUMES[name], rel=0.1)
+
+
+def test_the_walls_carry_all_of_the_water(sunk):
+    assert sunk["weight"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_water_starts_and_stays_outside_of_solids(sunk):
+    assert sunk["start"] > 0.4
+    assert sunk["gap"] > 0.1
+
+
+@pytest.mark.parametrize("name", ["tank", "ring", "bar", "ball", "lid"])
+def test_kernels_and_numpy_agree_on_distances(sunk, name):
+    kernel, numpy, along = sunk["distances"][name]
+    near = np.abs(numpy) < 0.006
+    assert near.sum() > 50
+    assert np.abs(kernel - numpy)[near].max() < (0.0022 if name == "ring" else 1e-6)
+    assert np.median(along[near]) == pytest.approx(1.0, abs=0.05)
+
+
+def _busy(path: str) -> dict:
+    import taichi as ti
+
+    world = open_world(path)
+    piston = next(p for p in world.scene.solids.primitives if p.solid == "piston")
+    population, unit = world.build.parts["population"], world.scene.water.units
+    inside, closed, middle, frames = [], [], None, []
+    for _ in range(world.frame_count):
+        frames.append(world.advance())
+        free = int(population.units.to_numpy()[: world.state.count[None]].sum())
+        closed.append(population.emitted_units() == free + population.drained_units())
+        x, v = (world.state[f"fluid.{n}"].to_numpy()[: world.state.count[None]].astype(float) for n in "xv")
+        face = piston.place(world.clock.time)[0][0] + 0.02
+        held = x[:, 0] < 0.1
+        inside.append((int(held.sum()), (x[held, 0].min() - face) / 0.004))
+        if world.clock.frame == 6:
+            middle = world.save()
+            near = held & (x[:, 0] < face + 0.006)
+            push = (v[near, 0].mean(), piston.motion(world.clock.time - 1e-3, world.clock.time)[0][0])
+    end = world.state_hash()
+    world.load(middle)
+    while world.frame_index < world.frame_count:
+        world.advance()
+    streams = [(s.emitted(world.clock.time), s.total) for s in world.scene.water.streams]
+    return {
+        "inside": np.array(inside),
+        "closed": closed,
+        "push": push,
+        "streams": streams,
+        "emitted": population.emitted_units() / unit - len(world.scene.water.x),
+        "drained": population.drained_units() / unit,
+        "same": world.state_hash() == end,
+        "moved": np.ptp([f.solid_x for f in frames], axis=0).max(1),
+        "rates": _rates(world, ti),
+    }
+
+
+def _rates(world, ti) -> np.ndarray:
+    """(d/dt of the solids' share at points at rest while piston and rotor move, what `rate` says of it)."""
+    walls, bodies = world.build.parts["walls"], world.build.parts["bodies"]
+    points = ti.Vector.field(3, float, shape=300)
+    out = ti.Vector.field(2, float, shape=300)
+
+    @ti.kernel
+    def measure():
+        for k in range(300):
+            share, _, _, swept, _ = walls.fill(points[k])
+            out[k] = ti.Vector([share, swept])
+
+    x = np.random.default_rng(1).uniform([0.0, -0.02, 0.0], [0.03, 0.02, 0.03], (300, 3))
+    points.from_numpy(x.astype(np.float32))
+    found = []
+    for t in (0.1199, 0.1201, 0.12):
+        world.clock.frame, world.clock.elapsed = 0, t
+        bodies.start(1e-4)
+        measure()
+        found.append(out.to_numpy().astype(float))
+    return np.stack([(found[1][:, 0] - found[0][:, 0]) / 2e-4, found[2][:, 1]], 1)
+
+
+@pytest.fixture(scope="module")
+def busy(tmp_path_factory):
+    """A piston that pushes a pool, a rotor over it, and beside it two streams that end in two drains."""
+    path = tmp_path_factory.mktemp("busy") / "scene.toml"
+    path.write_text(BUSY)
+    return spawn(_busy, str(path))
+
+
+def test_a_piston_pushes_and_lets_nothing_past(busy):
+    count, gap = busy["inside"].T
+    assert (count == 25 * 10 * 8).all()
+    assert gap.min() > 0.1
+    water, piston = busy["push"]
+    assert water == pytest.approx(piston, rel=0.15)
+
+
+def test_moving_walls_compress_at_the_rate_that_they_sweep(busy):
+    """By the chain rule: what a wall does to the density of water at rest is -u . grad of its share."""
+    seen, told = busy["rates"].T
+    assert np.abs(seen).max() > 50.0
+    assert -told == pytest.approx(seen, abs=0.02 * np.abs(seen).max())
+
+
+def test_what_moves_is_drawn_where_it_is(busy):
+    moved = busy["moved"]
+    assert (moved == 0.0).sum() == 5 * 8 + 8
+    assert moved.max() == pytest.approx(0.02, rel=0.1)
+
+
+def test_two_streams_and_two_drains_keep_their_books(busy):
+    assert all(busy["closed"])
+    assert all(come == total for come, total in busy["streams"])
+    assert busy["emitted"] == sum(total for _, total in busy["streams"])
+    assert busy["drained"] == busy["emitted"]
+
+
+def test_a_moving_scene_goes_on_with_the_same_bits(busy):
+    assert busy["same"]
