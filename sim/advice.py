@@ -163,10 +163,11 @@ def _cost(conf: Config, data: SceneData, dt: float) -> list[tuple[str, str]]:
     work = CORE_NANOSECONDS.get(conf.fluid.method, OTHER_NANOSECONDS) * (conf.fluid.support / 2.0) ** 3
     cores = conf.run.threads or os.cpu_count() or 1
     seconds = steps * (mean * work * 1e-9 / cores + 2e-3)
-    rate = f"{_time(seconds)} for {steps:,.0f} steps on {cores} cores, {seconds / conf.run.duration:.2g} s a simulated second"
+    rate = seconds / conf.run.duration
     return [
         ("memory", f"{memory / 1e9:.2g} GB for up to {capacity:,} particles"),
-        ("time", f"some {rate}, within a factor of 3"),
+        ("time", f"{_time(seconds)} for {steps:,.0f} steps on {cores} cores, give or take a factor of 3"),
+        ("pace", f"{rate:.2g} s per simulated second"),
     ]
 
 
