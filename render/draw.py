@@ -95,10 +95,12 @@ class Renderer:
         self.static, self.sheet, self.seen_from = static, None, None
         self.solids = static.solid_triangles is not None and len(static.solid_triangles) > 0
         self.solid_x, self.solid_triangles, self.backs, self.fronts = NO_POINTS, NO_TRIANGLES, self.keys, self.keys
+        self.dense = 0
         if static.cloth_triangles is not None:
             self.sheet = Sheet(static.cloth_triangles, static.cloth_uv)
         if self.solids:
             self.solid_triangles = np.ascontiguousarray(static.solid_triangles, np.int32)
+            self.dense = 0 if static.solid_opaque is None else int(static.solid_opaque)
             self.backs, self.fronts = (ti.ndarray(ti.i64, self.keys.shape) for _ in range(2))
 
     def _place(self, frame: Frame, static: Static) -> None:
@@ -124,7 +126,12 @@ class Renderer:
             colour, hem = np.asarray(static.cloth_colour, np.float32), sheet.hem
             raster.rasterise(sheet.points, sheet.triangles, 0, view, glass, 1, self.keys, self.keys, 0)
         if self.solids:
-            meshes.append((self.solid_x, self.solid_triangles, first_solid, GLASS_SHADE))
+            dense, clear = self.solid_triangles[: self.dense], self.solid_triangles[self.dense :]
+            if len(dense):
+                meshes.append((self.solid_x, dense, first_solid, 0.8))
+                raster.rasterise(self.solid_x, dense, first_solid, view, glass, 45, self.keys, self.keys, 0)
+            if len(clear):
+                meshes.append((self.solid_x, clear, first_solid + self.dense, GLASS_SHADE))
             self._walls(view, glass, first_solid)
         self.light.update(meshes, look.light, float(static.ground_z))
         fade = 6.0 * math.dist(look.eye, look.target)
@@ -148,6 +155,7 @@ class Renderer:
             light.cell,
             light.seen,
             first_solid,
+            first_solid + self.dense,
             *sheet_arrays,
             colour,
             hem,
@@ -161,7 +169,7 @@ class Renderer:
         return first_solid
 
     def _walls(self, view, glass, first_solid: int) -> None:
-        """Samples of the solids are kept until they or the eye move."""
+        """Samples of glass are kept until it or the eye moves."""
         seen_from = (view.tobytes(), glass.tobytes(), first_solid)
         if seen_from == self.seen_from:
             return
@@ -169,8 +177,10 @@ class Renderer:
         self.solid_box = box_of(self.solid_x, view, glass, self.size, 0.0)
         raster.clear(self.backs, 0)
         raster.clear(self.fronts, raster.EMPTY)
-        arrays = (self.solid_x, self.solid_triangles, first_solid, view, glass)
-        raster.rasterise(*arrays, raster.strips(self.solid_triangles), self.fronts, self.backs, 1)
+        clear = self.solid_triangles[self.dense :]
+        if len(clear):
+            arrays = (self.solid_x, clear, first_solid + self.dense, view, glass)
+            raster.rasterise(*arrays, raster.strips(clear), self.fronts, self.backs, 1)
 
     def _water(self, frame: Frame, spacing: float, view, glass, to_sun) -> None:
         """Water into self.image, in front of what is there."""

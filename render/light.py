@@ -21,7 +21,7 @@ MAP = 768  # texels a side
 BLOCK = 24  # texels a side of a block whose nearest depth may settle a shadow without sampling it
 MARGIN = 1.25  # over the widest penumbra, searched for blockers: sixteen points leave gaps at the rim
 CELL_COUNT = 44  # of the ambient volume along its longest side
-GLASS_SHADE = 0.45  # of the sun that a solid keeps out
+GLASS_SHADE = 0.45  # of the sun that a glass solid keeps out
 DISC = np.stack(
     [np.sqrt((k + 0.5) / 32) * np.array([math.cos(2.399963 * k), math.sin(2.399963 * k)]) for k in range(32)]
 ).astype(np.float32)
@@ -68,7 +68,7 @@ def dither(y, x):
 
 
 @ti.func
-def sun_seen(keys: ti.template(), blocks_near: ti.template(), disc: ti.template(), view, lens, first_solid, p, turn):
+def sun_seen(keys: ti.template(), blocks_near: ti.template(), disc: ti.template(), view, lens, first_glass, p, turn):
     """Fraction of the sun seen from p: percentage-closer soft shadows (Fernando 2005) on a fixed disc of 32 points."""
     at = project(view, lens, p)
     seen = 1.0
@@ -87,7 +87,7 @@ def sun_seen(keys: ti.template(), blocks_near: ti.template(), disc: ti.template(
                 if depth_of(key) < at[2]:
                     total += depth_of(key)
                     blockers += 1
-                    solid += 1 if raster.index_of(key) >= first_solid else 0
+                    solid += 1 if raster.index_of(key) >= first_glass else 0
             if blockers == 16 and (solid == 0 or solid == 16):  # the same all about: no edge of a shadow is near
                 seen = 1.0 - (GLASS_SHADE if solid == 16 else 1.0)
             elif blockers > 0:
@@ -98,7 +98,7 @@ def sun_seen(keys: ti.template(), blocks_near: ti.template(), disc: ti.template(
                 c, s = ti.cos(6.2831853 * turn), ti.sin(6.2831853 * turn)
                 for k in range(32):
                     u, v = c * disc[k][0] - s * disc[k][1], s * disc[k][0] + c * disc[k][1]
-                    dark += shade(keys, at[0] + reach * u, at[1] + reach * v, at[2], first_solid, sharp)
+                    dark += shade(keys, at[0] + reach * u, at[1] + reach * v, at[2], first_glass, sharp)
                 seen = 1.0 - dark / 32.0
     return seen
 
@@ -113,7 +113,7 @@ def sun_strikes(keys: ti.template(), view, lens, p):
 
 
 @ti.func
-def shade(keys: ti.template(), u, v, depth, first_solid, sharp):
+def shade(keys: ti.template(), u, v, depth, first_glass, sharp):
     """Shade at a point of the map: between the four texels about it for a sharp edge, of the texel for a wide one."""
     side = keys.shape[0]
     x, y = ti.cast(ti.floor(u - 0.5 * sharp), ti.i32), ti.cast(ti.floor(v - 0.5 * sharp), ti.i32)
@@ -124,7 +124,7 @@ def shade(keys: ti.template(), u, v, depth, first_solid, sharp):
         key = keys[ti.math.clamp(y + j, 0, side - 1), ti.math.clamp(x + i, 0, side - 1), 0]
         if depth_of(key) < depth:
             weight = (fx if i == 1 else 1.0 - fx) * (fy if j == 1 else 1.0 - fy)
-            total += weight * (GLASS_SHADE if raster.index_of(key) >= first_solid else 1.0)
+            total += weight * (GLASS_SHADE if raster.index_of(key) >= first_glass else 1.0)
     return total
 
 

@@ -8,7 +8,7 @@ from render.ground import ground_albedo
 from render.light import DIRECTIONS, NEAREST, SUN, VOLUME, ambient, dither, sky, sky_seen, sun_seen
 from render.raster import EMPTY, FAR, KEYS, NEAR, POINTS, TRIANGLES, depth_of, edges, index_of, pack, sample_offset
 
-GROUND = 0x7FFFFFFE  # ids: cloth triangles, then solids' triangles, then these
+GROUND = 0x7FFFFFFE  # ids: cloth triangles, then solids' (glass last), then these
 SKY = 0x7FFFFFFF
 NOTHING = SKY
 CERAMIC = (0.36, 0.41, 0.44)
@@ -175,6 +175,7 @@ def shade_opaque(
     cell: ti.f32,
     seen: VOLUME,
     first_solid: ti.i32,
+    first_glass: ti.i32,
     cloth_x: POINTS,
     cloth_normals: POINTS,
     wetness: WETNESS,
@@ -229,7 +230,7 @@ def shade_opaque(
                 last = sky(away)
                 if index != SKY:
                     lifted = p + LIFT * texel * (to_sun + (normal if normal.dot(to_sun) > 0.0 else -normal))
-                    sun = sun_seen(sun_keys, blocks_near, disc, sun_view, sun_lens, first_solid, lifted, dither(y, x))
+                    sun = sun_seen(sun_keys, blocks_near, disc, sun_view, sun_lens, first_glass, lifted, dither(y, x))
                     open_sky = sky_seen(seen, low, cell, p + 0.9 * cell * normal)
                     last = facing_light(albedo, normal, away, to_sun, sun, open_sky, shine, through)
                     if index == GROUND:

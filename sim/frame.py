@@ -24,6 +24,7 @@ class Static:
     spacing            ()      fluid particle spacing [m] (0 without water)
     solid_x            (s, 3)  corners of solids that are drawn [m]; the ground plane is not among them
     solid_triangles    (r, 3)  i32 into solid_x
+    solid_opaque       ()      i32, how many of them, the first ones, are no glass; absent = none
     cloth_triangles    (t, 3)  i32 into Frame.cloth_x
     cloth_uv           (n, 2)  material coordinates [m]
     cloth_thickness    ()      [m]
@@ -36,6 +37,7 @@ class Static:
     cloth_colour: np.ndarray
     solid_x: np.ndarray | None = None
     solid_triangles: np.ndarray | None = None
+    solid_opaque: np.ndarray | None = None
     cloth_triangles: np.ndarray | None = None
     cloth_uv: np.ndarray | None = None
     cloth_thickness: np.ndarray | None = None

@@ -161,6 +161,7 @@ class World:
             cloth_colour=linear_rgb(config.render.cloth_colour),
             solid_x=solids.corners(0.0).astype(np.float32) if len(solids.triangles) else None,
             solid_triangles=solids.triangles if len(solids.triangles) else None,
+            solid_opaque=np.int32(solids.opaque),
             cloth_triangles=np.asarray(sheet.triangles, np.int32) if sheet else None,
             cloth_uv=sheet.uv.astype(np.float32) if sheet else None,
             cloth_thickness=np.float32(sheet.thickness) if sheet else None,

@@ -60,15 +60,19 @@ class Primitive(NamedTuple):
 
 @dataclass
 class Solids:
-    """primitives; outlines: of each primitive, in its own axes, what is drawn; ground_z: highest floor or nan [m]."""
+    """primitives; drawn: of those that are seen, what is drawn, in its own axes; ground_z: highest floor or nan [m].
+
+    triangles (r, 3): of what is drawn, into `corners`; the first `opaque` of them are no glass.
+    """
 
     primitives: tuple[Primitive, ...]
-    outlines: tuple[outline.Outline | None, ...]
+    drawn: tuple[tuple[Primitive, outline.Outline], ...]
+    opaque: int
     ground_z: float
     triangles: np.ndarray = field(init=False)
 
     def __post_init__(self):
-        self.triangles = outline.join([o for o in self.outlines if o])[1]
+        self.triangles = outline.join([shown for _, shown in self.drawn])[1]
 
     @property
     def moves(self) -> bool:
@@ -77,25 +81,25 @@ class Solids:
 
     def corners(self, time: float) -> np.ndarray:
         """(s, 3) [m] of what is drawn, at a time [s]."""
-        placed = [(x, *p.place(time)) for p, o in zip(self.primitives, self.outlines) if o for x in o[:1]]
+        placed = [(shown[0], *primitive.place(time)) for primitive, shown in self.drawn]
         return np.concatenate([centre + x @ turn.T for x, centre, turn in placed]) if placed else np.zeros((0, 3))
 
 
 def build_solids(solids: dict, spacing: float = 0.0) -> Solids:
-    """From config.solid: named tables by shape. spacing [m]: what a mesh has to be resolved for."""
-    primitives: list[Primitive] = []
-    outlines: list[outline.Outline | None] = []
-    ground = [np.nan]
+    """From config.solid: named tables by shape. spacing [m]: what a mesh has to be resolved for. Basins are glass."""
+    primitives, dense, glass, ground = [], [], [], [np.nan]
     for name, solid in solids.items():
-        for shape, centre, turn, half, drawn, grid in _parts(name, solid, spacing):
+        for shape, centre, turn, half, shown, grid in _parts(name, solid, spacing):
             course, pivot = _course(solid)
-            primitives.append(
-                Primitive(name, shape, np.array(centre, float), turn, half, solid.friction, course, pivot, grid)
-            )
-            outlines.append(drawn)
+            made = Primitive(name, shape, np.array(centre, float), turn, half, solid.friction, course, pivot, grid)
+            primitives.append(made)
+            if shown:
+                (glass if solid.shape == "basin" else dense).append((made, shown))
         if solid.shape == "plane" and primitives[-1].turn[2, 2] > 0.999:
             ground.append(float(solid.point[2]))
-    return Solids(tuple(primitives), tuple(outlines), float(np.nanmax(ground)) if len(ground) > 1 else np.nan)
+    opaque = sum(len(triangles) for _, (_, triangles) in dense)
+    highest = float(np.nanmax(ground)) if len(ground) > 1 else np.nan
+    return Solids(tuple(primitives), (*dense, *glass), opaque, highest)
 
 
 def _course(solid) -> tuple[Course | None, np.ndarray]:
