@@ -111,6 +111,24 @@ path = { times = ["0 s", "1 s"], angle = ["0 deg", "360 deg"], repeat = true }
 """
 
 
+TRAY = """
+schema = 1
+[run]
+duration = "0.5 s"
+fps = 20
+[cloth]
+size = ["6 cm", "6 cm"]
+spacing = "1 cm"
+centre = [0.0, 0.0, 0.021]
+[solid.tray]
+shape = "box"
+centre = [0.0, 0.0, 0.01]
+size = ["10 cm", "10 cm", "2 cm"]
+friction = 0.8
+path = { times = ["0.1 s", "0.45 s"], shift = [[0.0, 0.0, 0.0], ["3 cm", 0.0, "2 cm"]] }
+"""
+
+
 def torus(rows: int = 32, around: int = 16) -> tuple[np.ndarray, np.ndarray]:
     """Corners [mm] and triangles, outwards."""
     i, j = (g.ravel() for g in np.meshgrid(np.arange(rows), np.arange(around), indexing="ij"))
@@ -447,3 +465,23 @@ def test_a_dam_breaks_against_a_box():
     assert abs(seen["third"]) < 0.3
     assert abs(seen["rise"]) < 0.2
     assert abs(seen["peak"]) < 1.5
+
+
+def _tray(path: str) -> tuple[np.ndarray, float]:
+    world = open_world(path)
+    start = world.state["cloth.x"].to_numpy()
+    for _ in range(world.frame_count):
+        world.advance()
+    moved = world.state["cloth.x"].to_numpy().astype(float) - start
+    speed = world.state["cloth.v"].to_numpy()
+    return moved.mean(0), float(np.abs(speed).max())
+
+
+def test_a_tray_carries_the_cloth_that_lies_on_it(tmp_path):
+    """Its acceleration, 6 x 3 cm/(0.35 s)^2 = 1.5 m/s^2 at most, is within what friction gives."""
+    path = tmp_path / "scene.toml"
+    path.write_text(TRAY)
+    moved, speed = spawn(_tray, str(path))
+    assert moved[0] == pytest.approx(0.03, abs=0.003)
+    assert moved[2] == pytest.approx(0.02, abs=0.0015)
+    assert speed < 0.05
