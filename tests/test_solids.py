@@ -35,7 +35,7 @@ shape = "basin"
 size = ["12 cm", "6.4 cm", "9 cm"]
 [solid.ring]
 shape = "mesh"
-file = "ring.obj"
+file = "sunk.obj"
 scale = 0.001
 centre = [0.028, 0.0, 0.03]
 [solid.bar]
@@ -228,12 +228,12 @@ def test_a_mesh_follows_its_scene_into_the_run(scene_file, tmp_path):
     from sim import config, run
 
     path = scene_file(SUNK)
-    with pytest.raises(ConfigError, match='solid.ring.file = "ring.obj": no such file'):
+    with pytest.raises(ConfigError, match='solid.ring.file = "sunk.obj": no such file'):
         config.load(path)
-    write_obj(path.parent / "ring.obj", *torus())
+    write_obj(path.parent / "sunk.obj", *torus())
     conf = config.load(path)
     folder = run._prepare(conf, run.Plan(tmp_path / "run"))
-    (path.parent / "ring.obj").unlink()
+    (path.parent / "sunk.obj").unlink()
     again = config.load(folder.config)
     assert config.differences(again, conf) == []
     (folder.path / "meshes" / "ring.obj").write_text("v 0 0 0\n")
@@ -302,7 +302,7 @@ def _distances(world) -> dict:
 def sunk(tmp_path_factory):
     """A ring (a mesh), a bar and a ball under water at rest, 5,800 particles."""
     folder = tmp_path_factory.mktemp("sunk")
-    write_obj(folder / "ring.obj", *torus())
+    write_obj(folder / "sunk.obj", *torus())
     (folder / "scene.toml").write_text(SUNK)
     return spawn(_sunk, str(folder / "scene.toml"))
 
