@@ -13,7 +13,7 @@ NOZZLE_SPACINGS = 3
 
 def problems(config: Config) -> list[Problem]:
     """Everything that does not fit, in the order of the scene's sections."""
-    return [*_run(config), *_water(config), *_streams(config), *_cloth(config), *_exchange(config)]
+    return [*_run(config), *_water(config), *_periodic(config), *_streams(config), *_cloth(config), *_exchange(config)]
 
 
 def warnings(config: Config) -> tuple[str, ...]:
@@ -53,6 +53,51 @@ def _water(config: Config) -> list[Problem]:
         for name, block in fluid.block.items()
         if not (_inside(block.low, space) and _inside(block.high, space))
     ]
+
+
+def _periodic(config: Config) -> list[Problem]:
+    """Images of a particle must not meet, lattices must close, and solids and cloth must not see the seam."""
+    space, fluid = config.space, config.fluid
+    if not space.periodic:
+        return []
+    key = "space.periodic"
+    if len(set(space.periodic)) < len(space.periodic):
+        return [Problem(key, "names an axis twice")]
+    if config.cloth or not fluid:
+        return [Problem(key, "is for [fluid] alone: cloth has two ends")]
+    if space.low is None or space.high is None:
+        return []
+    found = []
+    for axis, (low, high) in ((a, (space.low[n], space.high[n])) for n, a in enumerate("xyz") if a in space.periodic):
+        if high - low < 2.0 * fluid.support_radius * (1.0 - 1e-9):
+            least = f"must be at least two support radii, {2.0 * fluid.support_radius:g} m"
+            found.append(Problem(key, f"space is {high - low:g} m long in {axis}; it {least}"))
+        for name, block in fluid.block.items():
+            found += _lattice_closes(f"fluid.block.{name}", block, axis, (low, high), fluid.spacing)
+        found += [p for name, s in config.solid.items() for p in _closes(f"solid.{name}", s, axis, (low, high))]
+    return found
+
+
+def _lattice_closes(key: str, block, axis: str, ends: tuple, spacing: float) -> list[Problem]:
+    """A block from face to face meets itself: where it does, its particles must be a spacing apart."""
+    n = "xyz".index(axis)
+    if block.low[n] > ends[0] or block.high[n] < ends[1]:
+        return []
+    count = (ends[1] - ends[0]) / spacing
+    if math.isclose(count, round(count), rel_tol=1e-6):
+        return []
+    even = (ends[1] - ends[0]) / round(count)
+    return [Problem(key, f"fills periodic {axis}, and fluid.spacing must go evenly into it; {even:.6g} m does")]
+
+
+def _closes(key: str, solid, axis: str, ends: tuple) -> list[Problem]:
+    n = "xyz".index(axis)
+    if solid.shape == "plane":
+        return [Problem(key, f"normal must be across periodic {axis}")] if solid.normal[n] else []
+    centre = getattr(solid, "centre", None)
+    if centre is None or ends[0] <= centre[n] <= ends[1]:
+        return []
+    return [Problem(key, f"centre must lie within space along periodic {axis}")]
 
 
 def _streams(config: Config) -> list[Problem]:

@@ -51,6 +51,7 @@ class Space(Model):
     gravity: Vector = quantity((0.0, 0.0, -9.81), "acceleration", why="z up")
     low: Vector | None = quantity(None, "length")
     high: Vector | None = quantity(None, "length")
+    periodic: tuple[Literal["x", "y", "z"], ...] = option((), why="axes that close on themselves: nothing leaves there")
 
     _order = model_validator(mode="after")(_low_below_high)
 

@@ -9,10 +9,22 @@ from tests.spawned import spawn
 
 RADIUS = 0.1
 SPACE = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
+PERIODIC = {
+    "zx, two radii thick": ((-1.0, -1.0, -0.1), (1.0, 1.0, 0.1001)),
+    "xyz, three cells": ((-0.16, -0.15, -0.17), (0.16, 0.16, 0.16)),
+}
+"""By name, of which the letters before a comma are the axes: what the points are wrapped into."""
 CAPACITY = 1500
 
 
-def _points() -> dict[str, np.ndarray]:
+def _points(axes: tuple = (), space: tuple = SPACE) -> dict[str, np.ndarray]:
+    """Wrapped into space along its periodic axes, as the move leaves them."""
+    low, size = np.array(space[0]), np.array(space[1]) - space[0]
+    ring = np.isin(list("xyz"), axes)
+    return {name: np.where(ring, low + (x - low) % size, x) for name, x in _scattered().items()}
+
+
+def _scattered() -> dict[str, np.ndarray]:
     random = np.random.default_rng(7)
     lattice = np.stack(np.meshgrid(*[np.arange(8) * 0.05] * 3), -1).reshape(-1, 3)
     return {
@@ -35,7 +47,7 @@ def _listed(search, state) -> list[np.ndarray]:
     return [neighbour[a:b].copy() for a, b in zip(start, stop)]
 
 
-def _compare() -> dict:
+def _compare(axes: tuple = (), space: tuple = SPACE) -> dict:
     from sim import registry, runtime
     from sim.stage import Build
     from sim.state import ROWS, State
@@ -44,11 +56,11 @@ def _compare() -> dict:
     registry.discover()
     grid_class, brute_class = (registry.method("search", name) for name in ("grid", "brute"))
     fluid = SimpleNamespace(support_radius=RADIUS, support=1.5)
-    config = SimpleNamespace(fluid=fluid, space=SimpleNamespace(low=SPACE[0], high=SPACE[1]))
+    config = SimpleNamespace(fluid=fluid, space=SimpleNamespace(low=space[0], high=space[1], periodic=axes))
     state = State([ROWS["fluid.id"], ROWS["fluid.x"], *grid_class.scratch], {"fluid": CAPACITY})
     grid, brute = (cls(Build(config, None, state), cls.Params()) for cls in (grid_class, brute_class))
     found = {}
-    for name, points in _points().items():
+    for name, points in _points(axes, space).items():
         whole = np.zeros((CAPACITY, 3), np.float32)
         whole[: len(points)] = points
         state["fluid.x"].from_numpy(whole)
@@ -100,3 +112,28 @@ def test_numpy_agrees_on_random_points(found):
     points = _points()["random"].astype(np.float32)
     near = (np.linalg.norm(points[:, None] - points[None], axis=-1) < RADIUS).sum() - len(points)
     assert sum(len(row) for row in found["random"]["brute"]) == near
+
+
+@pytest.fixture(scope="module", params=PERIODIC)
+def wrapped(request):
+    axes = tuple(request.param.split(",")[0])
+    return axes, PERIODIC[request.param], spawn(_compare, axes, PERIODIC[request.param])
+
+
+def test_on_a_ring_grid_lists_what_brute_force_lists(wrapped):
+    for name, lists in wrapped[2].items():
+        assert len(lists["grid"]) == len(_points()[name])
+        assert all(np.array_equal(a, b) for a, b in zip(lists["grid"], lists["brute"])), name
+
+
+def test_numpy_agrees_on_a_ring(wrapped):
+    axes, (low, high), found = wrapped
+    points = _points(axes, (low, high))["random"].astype(np.float32)
+    r = points[:, None] - points[None]
+    plain = (np.linalg.norm(r, axis=-1) < RADIUS).sum() - len(points)
+    for a in ("xyz".index(a) for a in axes):
+        length = high[a] - low[a]
+        r[..., a] -= length * np.round(r[..., a] / length)
+    near = (np.linalg.norm(r, axis=-1) < RADIUS).sum() - len(points)
+    assert sum(len(row) for row in found["random"]["brute"]) == pytest.approx(near, rel=1e-4)
+    assert near > plain

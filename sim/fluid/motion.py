@@ -11,7 +11,8 @@ class Motion:
     """Stages "forces" (slot accelerate) and "move" of the water.
 
     forces   acceleration = g + sum of terms; v += dt acceleration
-    move     x += dt v, out of solids; where a method has a `way` [m/s] of its own, x += dt way, and v stays
+    move     x += dt v, out of solids, round periodic space; where a method has a `way` [m/s] of its own, x += dt way
+             and v stays
     limits   dt <= cfl spacing / max |v|, and each term's own
     """
 
@@ -57,7 +58,7 @@ class Motion:
                 for k in range(self.pairs.start[i], self.pairs.stop[i]):
                     j = neighbour[k]
                     for term in ti.static(self.terms):
-                        a += term.acceleration(i, j, x - self.x[j], gradient[k])
+                        a += term.acceleration(i, j, self.pairs.apart(x, j), gradient[k])
             self.acceleration[i] = a
         ti.loop_config(serialize=self.few)
         for i in range(self.state.count[None]):
@@ -68,10 +69,11 @@ class Motion:
         for i in range(self.state.count[None]):
             if ti.static(self.own_way):
                 x, u = self.walls.move(i, self.way[i], dt)
-                self.x[i] = x
+                self.x[i] = self.pairs.torus.wrap(x)
                 self.v[i] += u - self.way[i]
             else:
-                self.x[i], self.v[i] = self.walls.move(i, self.v[i], dt)
+                x, self.v[i] = self.walls.move(i, self.v[i], dt)
+                self.x[i] = self.pairs.torus.wrap(x)
 
     @ti.kernel
     def _fastest(self) -> float:

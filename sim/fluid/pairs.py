@@ -4,6 +4,7 @@ import taichi as ti
 
 from sim.errors import CapacityError
 from sim.maths.kernels import KERNELS, lattice_shares
+from sim.search.torus import Torus
 from sim.stage import Build, Stage
 from sim.state import Row
 
@@ -36,6 +37,7 @@ class Pairs:
         self.state, self.list = build.state, build.parts["search"].list
         self.x, self.mass = build.state["fluid.x"], build.state["fluid.mass"]
         self.inverse_mass = build.state["fluid.pairs.inverse_mass"]
+        self.torus = Torus(build.config.space)
         self.start, self.stop = self.list.start, self.list.stop
         self.kernel = KERNELS[fluid.kernel]
         self.support_radius = fluid.support_radius
@@ -64,6 +66,11 @@ class Pairs:
                 raise CapacityError(f"fluid: no memory for {length} pairs; use a larger spacing") from error
         self._weigh(self.neighbour, self.weight, self.gradient)
 
+    @ti.func
+    def apart(self, x, j):
+        """x - x_j, of the nearest image in periodic space: every difference of places is taken here."""
+        return self.torus.nearest(x - self.x[j])
+
     @ti.kernel
     def _weigh(self, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
         for i in range(self.state.count[None]):
@@ -71,7 +78,7 @@ class Pairs:
             self.inverse_mass[i] = 1.0 / self.mass[i]
             for k in range(self.start[i], self.stop[i]):
                 j = neighbour[k]
-                r = x - self.x[j]
+                r = self.apart(x, j)
                 distance = r.norm()
                 share = self.scale * self.mass[j]
                 weight[k] = share * self.kernel.value(distance, self.support_radius)

@@ -48,6 +48,8 @@ class Population:
         self.streams = Streams(self.water, build.config.run.seed, build.config.fluid.spacing)
         self.low = ti.Vector([float(a) for a in build.config.space.low])
         self.high = ti.Vector([float(a) for a in build.config.space.high])
+        for a in ("xyz".index(a) for a in build.config.space.periodic):
+            self.low[a], self.high[a] = -float("inf"), float("inf")
         self.few = runtime.few(self.capacity)
         build.parts["population"] = self
 
@@ -119,7 +121,10 @@ class Population:
 
     @ti.func
     def _gone(self, x) -> ti.i32:
-        """Whether x is outside of space or in a drain; a NaN is neither, so the guard gets to see it."""
+        """Whether x is outside of space (along periodic axes nothing is) or in a drain.
+
+        A NaN is neither, so the guard gets to see it.
+        """
         gone = ti.cast((x < self.low).any() | (x > self.high).any(), ti.i32)
         for low, high in ti.static(self.water.drains):
             gone |= ti.cast((x > ti.Vector(low)).all() & (x < ti.Vector(high)).all(), ti.i32)

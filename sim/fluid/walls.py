@@ -5,6 +5,7 @@ import taichi.math as tm
 
 from sim.bodies import Bodies
 from sim.maths.kernels import KERNELS, wall_fit
+from sim.search.torus import Torus
 from sim.stage import Build
 from sim.state import Row
 
@@ -40,6 +41,7 @@ class Walls:
         self.rest_density = fluid.liquid.rest_density
         self.spacing = fluid.spacing
         self.kernel = KERNELS[fluid.kernel]
+        self.torus = Torus(build.config.space)
         self.reach, self.offset = (a * fluid.spacing for a in wall_fit(self.kernel, fluid.support))
         self.bodies = Bodies.of(build)
         self.count, self.rough = self.bodies.count, self.bodies.rough
@@ -52,7 +54,9 @@ class Walls:
 
     @ti.func
     def distance(self, s, x):
-        """(outward normal, distance [m]) of solid s at x."""
+        """(outward normal, distance [m]) of solid s at x, or of its image nearest to x."""
+        if ti.static(len(self.torus.axes) > 0):
+            x = self.bodies.centre[s] + self.torus.nearest(x - self.bodies.centre[s])
         return self.bodies.distance(s, x)
 
     @ti.func

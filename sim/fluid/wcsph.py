@@ -97,7 +97,7 @@ class Wcsph:
             a = -own * self.walls.gradient[i]
             for k in range(self.pairs.start[i], self.pairs.stop[i]):
                 j = neighbour[k]
-                r = x - self.x[j]
+                r = self.pairs.apart(x, j)
                 approach = ti.min((v - self.v[j]).dot(r), 0.0) / (r.norm_sqr() + 0.01 * self.h * self.h)
                 a -= (own + self.kappa[j] - self.damping * approach) * gradient[k]
             self.pressure_acceleration[i] = a

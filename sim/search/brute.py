@@ -6,6 +6,7 @@ from sim.registry import register
 from sim.runtime import TURNS
 from sim.schema import Model
 from sim.search.pair_list import BLOCK, PairList, first_room
+from sim.search.torus import Torus
 from sim.stage import Build, Stage
 
 
@@ -24,6 +25,7 @@ class BruteSearch:
         self.state = build.state
         self.x = build.state["fluid.x"]
         self.support_radius = build.config.fluid.support_radius
+        self.torus = Torus(build.config.space)
         capacity = build.state.sizes["fluid"]
         self.list = PairList(capacity, first_room(build.config.fluid.support))
         build.parts["search"] = self
@@ -59,7 +61,7 @@ class BruteSearch:
             self.list.start[i] = ti.min(cursor, begin + BLOCK * room)
             x = self.x[i]
             for j in range(count):
-                r = x - self.x[j]
+                r = self.torus.nearest(x - self.x[j])
                 if r.dot(r) < self.support_radius * self.support_radius and j != i:
                     if cursor < begin + BLOCK * room:
                         neighbour[cursor] = j

@@ -7,6 +7,7 @@ from sim.registry import register
 from sim.runtime import TURNS
 from sim.schema import Model
 from sim.search.pair_list import BLOCK, PairList, first_room
+from sim.search.torus import Torus
 from sim.stage import Build, Stage
 from sim.state import Row
 
@@ -23,7 +24,8 @@ class GridSearch:
 
     Rows of cells that follow each other along x lie together: nine stretches of rows hold all candidates, cut to
     [x - H, x + H] by cells that are finer along x. Cells fill the box of the water, within space; a particle outside
-    counts where it is clamped to, which moves no two of them further apart.
+    counts where it is clamped to, which moves no two of them further apart. Along periodic axes cells close the ring:
+    they go evenly into space.
     """
 
     class Params(Model):
@@ -44,7 +46,8 @@ class GridSearch:
         space = config.space
         self.space_low, self.space_high = (ti.Vector([float(a) for a in c]) for c in (space.low, space.high))
         self.low, self.high = ti.Vector.field(3, float, shape=()), ti.Vector.field(3, float, shape=())
-        self.edge = ti.field(float, shape=())
+        self.per_length = ti.Vector.field(3, float, shape=())  # cells in a metre
+        self.torus = Torus(space)
         self.shape = ti.Vector.field(3, ti.i32, shape=())
         self.first = ti.field(ti.i32, shape=CELLS_MAX + 2)
         capacity = build.state.sizes["fluid"]
@@ -70,25 +73,29 @@ class GridSearch:
     @ti.func
     def _clamped(self, x):
         """Where x counts; relative to the low corner of the cells. A NaN counts into the first cell."""
-        return ti.math.clamp(x, self.low[None], self.high[None]) - self.low[None]
+        return ti.math.clamp(self.torus.wrap(x), self.low[None], self.high[None]) - self.low[None]
 
     @ti.func
     def _coordinates(self, place):
         """Cell of a place, which is not negative."""
-        fine = ti.Vector([FINE, 1.0, 1.0]) / self.edge[None]
-        return ti.math.clamp(ti.cast(place * fine, ti.i32), 0, self.shape[None] - 1)
+        return ti.math.clamp(ti.cast(place * self.per_length[None], ti.i32), 0, self.shape[None] - 1)
 
     @ti.func
     def _lay_cells(self):
         """Cells over the box of all particles, of edge H (along x H/FINE) or, where they would be too many, larger."""
+        for a in ti.static(self.torus.axes):
+            self.low[None][a], self.high[None][a] = self.space_low[a], self.space_high[a]
         size = self.high[None] - self.low[None]
         edge = self.support_radius * 1.0001
         n = ti.Vector([0, 0, 0])
         cells = ti.i64(CELLS_MAX) + 1
         while cells > CELLS_MAX:
-            n = ti.cast(size * ti.Vector([FINE, 1.0, 1.0]) / edge, ti.i32) + 1
+            self.per_length[None] = ti.Vector([FINE, 1.0, 1.0]) / edge
+            n = ti.cast(size * self.per_length[None], ti.i32) + 1
+            for a in ti.static(self.torus.axes):
+                n[a] = ti.max(n[a] - 1, 1)
+                self.per_length[None][a] = n[a] / size[a]
             cells = ti.i64(n.x) * n.y * n.z
-            self.edge[None] = edge
             edge *= 1.3
         self.shape[None] = n
 
@@ -148,19 +155,23 @@ class GridSearch:
         h_sq = self.support_radius * self.support_radius
         x, place, n = self.x[i], self._clamped(self.x[i]), self.shape[None]
         c = self._coordinates(place)
-        fine, reach = FINE / self.edge[None], 1.0001 * self.support_radius
-        left = ti.cast(ti.max(place.x - reach, 0.0) * fine, ti.i32)
-        right = ti.min(ti.cast((place.x + reach) * fine, ti.i32), n.x - 1)
-        for z in range(ti.max(c.z - 1, 0), ti.min(c.z + 2, n.z)):
-            for y in range(ti.max(c.y - 1, 0), ti.min(c.y + 2, n.y)):
-                line = (z * n.y + y) * n.x
-                first, last = self.first[line + left], self.first[line + right + 1]
-                need = ti.max(need, cursor - begin + last - first)
-                # Always write, then keep it by counting: a fifth of the candidates are near, at random, and a branch
-                # on that costs more than the write.
-                for j in range(first, last):
-                    r = x - self.x[j]
-                    if need <= space:
-                        neighbour[cursor] = j
-                    cursor += ti.cast((r.norm_sqr() < h_sq) & (j != i), ti.i32)
+        fine, reach = self.per_length[None].x, 1.0001 * self.support_radius
+        left = ti.cast(ti.floor((place.x - reach) * fine), ti.i32)
+        right = ti.cast(ti.floor((place.x + reach) * fine), ti.i32)
+        z_first, z_end = self.torus.window(2, c.z, n.z)
+        y_first, y_end = self.torus.window(1, c.y, n.y)
+        for b in range(z_first, z_end):
+            for a in range(y_first, y_end):
+                line = (self.torus.cell(2, b, c.z, n.z) * n.y + self.torus.cell(1, a, c.y, n.y)) * n.x
+                for part in ti.static(range(self.torus.parts)):
+                    first, last = self.torus.stretch(part, left, right, n.x)
+                    first, last = self.first[line + first], self.first[line + last + 1]
+                    need = ti.max(need, cursor - begin + last - first)
+                    # Always write, then keep it by counting: a fifth of the candidates are near, at random, and a
+                    # branch on that costs more than the write.
+                    for j in range(first, last):
+                        r = self.torus.nearest(x - self.x[j])
+                        if need <= space:
+                            neighbour[cursor] = j
+                        cursor += ti.cast((r.norm_sqr() < h_sq) & (j != i), ti.i32)
         return cursor, need
