@@ -1,22 +1,38 @@
 """The step taken: the smallest of every stage's limit, laid evenly into what is left of the frame."""
 
 import math
-from typing import Iterable
+from typing import Iterable, NamedTuple
 
 from sim.errors import DivergedError
 from sim.stage import Limit, Stage
 
 
+class Overstep(NamedTuple):
+    """A step longer than a limit allows: when [s], how long [s], and the limit."""
+
+    time: float
+    dt: float
+    limit: Limit
+
+    def __str__(self) -> str:
+        ratio = self.dt / self.limit.seconds if self.limit.seconds else math.inf
+        return (
+            f"since t = {self.time:.4g} s dt = {1e3 * self.dt:.3g} ms is {ratio:.2g} x the {self.limit.name} limit of "
+            f"{1e3 * self.limit.seconds:.2g} ms, set run.dt_limits = true"
+        )
+
+
 class Clock:
     """Time stands at frame / fps plus an f64 remainder; a step never crosses a frame.
 
-    frame, elapsed [s] since it, step (of the run), bound (the Limit of the last step) are all there is to it.
+    frame, elapsed [s] since it, step (of the run), bound (the Limit of the last step) are all there is to it, and of
+    a run that ignores its limits (obeys = False) the first Overstep.
     """
 
-    def __init__(self, fps: int, dt_max: float, dt_min: float):
-        self.fps, self.cap, self.dt_min = fps, Limit(dt_max, "run.dt_max"), dt_min
+    def __init__(self, fps: int, dt_max: float, dt_min: float, obeys: bool = True):
+        self.fps, self.cap, self.dt_min, self.obeys = fps, Limit(dt_max, "run.dt_max"), dt_min, obeys
         self.frame, self.elapsed, self.step = 0, 0.0, 0
-        self.bound = self.cap
+        self.bound, self.overstep = self.cap, None
 
     @property
     def time(self) -> float:
@@ -28,8 +44,8 @@ class Clock:
 
         Raises DivergedError ("starving") below dt_min.
         """
-        self.bound = min((stage.limit() for stage in stages if stage.limit), default=self.cap)
-        self.bound = min(self.bound, self.cap)
+        limit = min((stage.limit() for stage in stages if stage.limit), default=self.cap)
+        self.bound = min(limit, self.cap) if self.obeys else self.cap
         seconds = self.bound.seconds
         if not seconds >= self.dt_min:
             raise DivergedError(
@@ -37,7 +53,10 @@ class Clock:
                 f"under run.dt_min = {self.dt_min:g} s; use a larger spacing or slower water"
             )
         left = 1.0 / self.fps - self.elapsed
-        return left / max(1, math.ceil(left / seconds - 1e-6))
+        dt = left / max(1, math.ceil(left / seconds - 1e-6))
+        if self.overstep is None and dt > limit.seconds * (1.0 + 1e-6):
+            self.overstep = Overstep(self.time, dt, limit)
+        return dt
 
     def advance(self, dt: float) -> bool:
         """Book a step of dt; True when it ended the frame."""

@@ -36,6 +36,7 @@ class Choice(NamedTuple):
 
 CHOICES = (
     Choice("fluid", "method", "fluid.pressure", "params"),
+    Choice("fluid", "mover", "fluid.mover", None),
     Choice("fluid", "search", "search", None),
     Choice("fluid", "terms", "fluid.term", "term_params"),
     Choice("cloth", "method", "cloth.solver", "params"),

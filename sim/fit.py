@@ -48,7 +48,7 @@ def _water(config: Config) -> list[Problem]:
     if space.low is None or space.high is None:
         missing = [k for k in ("low", "high") if getattr(space, k) is None]
         return [Problem(f"space.{k}", "missing; [fluid] needs a box to be in") for k in missing]
-    return [
+    return _method(fluid) + [
         Problem(f"fluid.block.{name}", "must lie within space.low and space.high")
         for name, block in fluid.block.items()
         if not (_inside(block.low, space) and _inside(block.high, space))
@@ -98,6 +98,15 @@ def _closes(key: str, solid, axis: str, ends: tuple) -> list[Problem]:
     if centre is None or ends[0] <= centre[n] <= ends[1]:
         return []
     return [Problem(key, f"centre must lie within space along periodic {axis}")]
+
+
+def _method(fluid) -> list[Problem]:
+    found = []
+    if fluid.method == "mueller" and "viscosity" in fluid.terms:
+        found.append(Problem("fluid.terms", 'the method "mueller" has its own viscosity; leave this one out'))
+    if fluid.method != "mueller" and fluid.kernel == "mueller":
+        found.append(Problem("fluid.kernel", 'is two kernels, of the method "mueller" alone; choose wendland_c2'))
+    return found
 
 
 def _streams(config: Config) -> list[Problem]:

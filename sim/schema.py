@@ -37,6 +37,7 @@ class Run(Model):
     precision: Literal["f32", "f64"] = option("f32", why="of every real in the state")
     dt_max: float = quantity("2 ms", "time", gt=0, why="upper cap; the stages' own limits decide below it")
     dt_min: float = quantity("1 us", "time", gt=0, why="below this the guard stops the run: starving")
+    dt_limits: bool = option(True, why="false: dt_max whatever the stages ask for, to see what that leads to")
     checkpoint: int = quantity(1, ge=0, why="frames between checkpoints; 0 = at the end and on Ctrl-C")
 
     @property
@@ -85,8 +86,9 @@ class Fluid(Model):
 
     spacing: float = quantity(REQUIRED, "length", gt=0)
     support: float = quantity(2.0, ge=1.5, le=4, why="support radius over spacing; 3 to validate")
-    kernel: Literal["wendland_c2", "cubic_spline"] = option("wendland_c2", why="never pairs")
+    kernel: Literal["wendland_c2", "cubic_spline", "mueller"] = option("wendland_c2", why="never pairs")
     method: str = option("dfsph", why="incompressible at large steps")
+    mover: str = option("symplectic_euler", why="keeps energy near what it was")
     search: str = option("grid", why="linear in the particles")
     terms: tuple[str, ...] = option(("viscosity",), why="compiled in; [] for none")
     expected_speed: float | None = quantity(None, "speed", gt=0, why="absent = by inflow, moving solids and a fall")
@@ -95,6 +97,13 @@ class Fluid(Model):
     block: dict[str, Block] = Field(default_factory=dict)
     params: Any = derived()
     term_params: dict[str, Any] = derived({})
+
+    @model_validator(mode="before")
+    @classmethod
+    def _whole_methods(cls, table: Any) -> Any:
+        """Mueller's method has kernels and viscosity of its own."""
+        own = {"kernel": "mueller", "terms": ()} if isinstance(table, dict) and table.get("method") == "mueller" else {}
+        return {**own, **table} if own else table
 
     @property
     def support_radius(self) -> float:

@@ -61,6 +61,7 @@ DIMENSIONS: dict[str, tuple[Dimension, str, str]] = {
     "moment": ((2, 1, -2, 0), "a force times a length", "1e-5 N m"),
     "kinematic_viscosity": ((2, 0, -1, 0), "a kinematic viscosity", "1e-6 m^2/s"),
     "dynamic_viscosity": ((-1, 1, -1, 0), "a dynamic viscosity", "1e-3 Pa s"),
+    "specific_energy": ((2, 0, -2, 0), "an energy per mass", "20 m^2/s^2"),
     "compliance": ((0, -1, 2, 0), "a length per force", "1e-6 m/N"),
 }
 """Name -> (dimension, its words in an error line, an example)."""

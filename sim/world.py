@@ -37,7 +37,7 @@ class World:
         self.scene = build_scene(config)
         self.state = State(self._rows(), self._sizes())
         self.build = Build(config, self.scene, self.state)
-        self.clock = Clock(config.run.fps, config.run.dt_max, config.run.dt_min)
+        self.clock = Clock(config.run.fps, config.run.dt_max, config.run.dt_min, config.run.dt_limits)
         self.build.parts["clock"] = self.clock
         self.stages = in_order(self._build_stages())
         self.frame_count = config.run.frame_count

@@ -3,6 +3,7 @@
 import taichi as ti
 
 from sim import runtime
+from sim.registry import method
 from sim.stage import Build, Limit, Stage
 
 
@@ -11,8 +12,8 @@ class Motion:
     """Stages "forces" (slot accelerate) and "move" of the water.
 
     forces   acceleration = g + sum of terms; v += dt acceleration
-    move     x += dt v, out of solids, round periodic space; where a method has a `way` [m/s] of its own, x += dt way
-             and v stays
+    move     x += dt v, out of solids, round periodic space: which v, the scene's mover says; where a method has a
+             `way` [m/s] of its own, x += dt way, and v stays
     limits   dt <= cfl spacing / max |v|, and each term's own
     """
 
@@ -22,7 +23,7 @@ class Motion:
     def __init__(self, build: Build, terms: tuple, cfl: float, way=None):
         self.state, self.pairs, self.walls, self.terms = build.state, build.parts["pairs"], build.parts["walls"], terms
         self.x, self.v, self.acceleration = (build.state[name] for name in self.rows)
-        self.way, self.own_way = way, way is not None
+        self.mover = method("fluid.mover", build.config.fluid.mover)(build, way)
         self.gravity = ti.Vector([float(g) for g in build.config.space.gravity])
         self.few = runtime.few(build.state.sizes["fluid"])
         self.reach = cfl * build.config.fluid.spacing
@@ -40,14 +41,14 @@ class Motion:
         self._accelerate(dt, self.pairs.neighbour, self.pairs.gradient)
 
     def move(self, dt: float) -> None:
-        """x += dt v, kept out of solids."""
+        """x by the scene's mover, kept out of solids."""
         self._move(dt)
 
     def _of_terms(self) -> Limit:
         return min((term.limit() for term in self.terms), default=Limit(float("inf"), "no term"))
 
     def _of_speed(self) -> Limit:
-        return Limit(self.reach / max(self._fastest(), 1e-12), "water speed")
+        return Limit(self.reach / max(self.fastest(), 1e-12), "water speed")
 
     @ti.kernel
     def _accelerate(self, dt: float, neighbour: ti.template(), gradient: ti.template()):
@@ -62,21 +63,19 @@ class Motion:
             self.acceleration[i] = a
         ti.loop_config(serialize=self.few)
         for i in range(self.state.count[None]):
+            self.mover.begin(i)
             self.v[i] += dt * self.acceleration[i]
 
     @ti.kernel
     def _move(self, dt: float):
         for i in range(self.state.count[None]):
-            if ti.static(self.own_way):
-                x, u = self.walls.move(i, self.way[i], dt)
-                self.x[i] = self.pairs.torus.wrap(x)
-                self.v[i] += u - self.way[i]
-            else:
-                x, self.v[i] = self.walls.move(i, self.v[i], dt)
-                self.x[i] = self.pairs.torus.wrap(x)
+            self.mover.move(i, dt)
+            if ti.static(len(self.pairs.torus.axes) > 0):
+                self.x[i] = self.pairs.torus.wrap(self.x[i])
 
     @ti.kernel
-    def _fastest(self) -> float:
+    def fastest(self) -> float:
+        """max |v| [m/s]."""
         fastest = 0.0
         ti.loop_config(serialize=self.few)
         for i in range(self.state.count[None]):

@@ -15,7 +15,8 @@ def methods(config: Any) -> list[type]:
     fluid = config.fluid
     terms = [method("fluid.term", name) for name in fluid.terms]
     search, pressure = method("search", fluid.search), method("fluid.pressure", fluid.method)
-    return [Population, search, Pairs, Walls, Motion, *terms, pressure]
+    mover = method("fluid.mover", fluid.mover)
+    return [Population, search, Pairs, Walls, Motion, mover, *terms, pressure]
 
 
 def sizes(water) -> dict[str, int]:

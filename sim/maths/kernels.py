@@ -81,11 +81,77 @@ def cubic_spline_wall(d, H):
     return (share if d >= 0.0 else 1.0 - share), slope
 
 
+@ti.pyfunc
+def poly6(r, H):
+    """W = 315/(64 pi H^3) (1 - q^2)^3, q = r/H.   Mueller 2003, eq. 20; flat at 0, so its gradient lets pairs form."""
+    u = max(1.0 - r * r * (1.0 / (H * H)), 0.0)
+    return 315.0 / (64.0 * math.pi) / (H * H * H) * u * u * u
+
+
+@ti.pyfunc
+def poly6_slope(r, H):
+    """(dW/dr)/r = -945/(32 pi H^5) (1 - q^2)^2."""
+    u = max(1.0 - r * r * (1.0 / (H * H)), 0.0)
+    return -945.0 / (32.0 * math.pi) / (H * H * H * H * H) * u * u
+
+
+@ti.pyfunc
+def poly6_wall(d, H):
+    """dlambda/dd = -315/256 (1 - s^2)^4/H, s = |d|/H; lambda(-d) = 1 - lambda(d)."""
+    s = min(abs(d) / H, 1.0)
+    s2 = s * s
+    u2 = (1.0 - s2) * (1.0 - s2)
+    odd = s * s2 * (1.0 / 3.0 - s2 * (0.6 - s2 * (3.0 / 7.0 - s2 / 9.0)))
+    share = max(0.5 - 315.0 / 32.0 * (odd + s * u2 * u2 / 8.0), 0.0)
+    return (share if d >= 0.0 else 1.0 - share), -315.0 / 256.0 / H * u2 * u2
+
+
+@ti.pyfunc
+def spiky(r, H):
+    """W = 15/(pi H^3) (1 - q)^3.   Mueller 2003, eq. 21"""
+    u = max(1.0 - r * (1.0 / H), 0.0)
+    return 15.0 / math.pi / (H * H * H) * u * u * u
+
+
+@ti.pyfunc
+def spiky_slope(r, H):
+    """(dW/dr)/r = -45/(pi H^5) (1 - q)^2/q: steepest at 0, so near pairs part; finite for points that coincide."""
+    q = r * (1.0 / H)
+    u = max(1.0 - q, 0.0)
+    return -45.0 / math.pi / (H * H * H * H * H) * u * u / max(q, 1e-6)
+
+
+@ti.pyfunc
+def spiky_wall(d, H):
+    """lambda = 3/2 U^5 - U^6, U = 1 - |d|/H; lambda(-d) = 1 - lambda(d)."""
+    u = max(1.0 - abs(d) / H, 0.0)
+    u4 = u * u * u * u
+    share = u4 * u * (1.5 - u)
+    return (share if d >= 0.0 else 1.0 - share), -u4 * (7.5 - 6.0 * u) / H
+
+
+@ti.pyfunc
+def mueller_wall(d, H):
+    """lambda of poly6, dlambda/dd of spiky."""
+    share, _ = poly6_wall(d, H)
+    _, slope = spiky_wall(d, H)
+    return share, slope
+
+
+@ti.pyfunc
+def viscosity_laplacian(r, H):
+    """lap W = 45/(pi H^5) (1 - q), never negative: sum_j V_j (v_j - v_i) lap W -> lap v.   Mueller 2003, eq. 22"""
+    return 45.0 / math.pi / (H * H * H * H * H) * max(1.0 - r * (1.0 / H), 0.0)
+
+
 KERNELS = {
     "wendland_c2": SmoothingKernel(wendland_c2, wendland_c2_slope, wendland_c2_wall),
     "cubic_spline": SmoothingKernel(cubic_spline, cubic_spline_slope, cubic_spline_wall),
+    "poly6": SmoothingKernel(poly6, poly6_slope, poly6_wall),
+    "spiky": SmoothingKernel(spiky, spiky_slope, spiky_wall),
+    "mueller": SmoothingKernel(poly6, spiky_slope, mueller_wall),
 }
-"""By the name that a scene gives in fluid.kernel."""
+"""By name; fluid.kernel offers some of them. "mueller" is two of Mueller 2003: poly6 counts, spiky pushes."""
 
 
 def lattice_points(support: float) -> list[tuple[int, int, int]]:

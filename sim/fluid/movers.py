@@ -1,0 +1,67 @@
+"""Movers: which velocity carries a particle through a step."""
+
+import taichi as ti
+
+from sim.registry import register
+from sim.schema import Model
+from sim.stage import Build
+from sim.state import Row
+
+
+@register("fluid.mover", "symplectic_euler")
+@ti.data_oriented
+class SymplecticEuler:
+    """v += dt a, then x += dt v: the new velocity moves the particle. Stable to dt = 2/omega, undamped."""
+
+    class Params(Model):
+        """None."""
+
+    order = 1
+    rows = ("fluid.x", "fluid.v")
+    scratch = ()
+
+    def __init__(self, build: Build):
+        self.walls = build.parts["walls"]
+        self.x, self.v = build.state["fluid.x"], build.state["fluid.v"]
+
+    @ti.func
+    def begin(self, i):
+        """Before forces: the velocity that is about to change is not needed again."""
+
+    @ti.func
+    def move(self, i, dt):
+        """x and v of particle i, kept out of solids."""
+        self.x[i], self.v[i] = self.walls.move(i, self.v[i], dt)
+
+
+@register("fluid.mover", "explicit_euler")
+@ti.data_oriented
+class ExplicitEuler:
+    """x += dt v, then v += dt a: the old velocity moves the particle, as in Higgins & Zhang 2019.
+
+    An oscillation of angular frequency omega grows by sqrt(1 + omega^2 dt^2) a step, however small dt is.
+    """
+
+    class Params(Model):
+        """None."""
+
+    order = 1
+    rows = ("fluid.x", "fluid.v")
+    scratch = (Row("fluid.explicit_euler.before", "v", "m/s", "velocity before this step's forces", saved=False),)
+
+    def __init__(self, build: Build):
+        self.walls = build.parts["walls"]
+        self.x, self.v = build.state["fluid.x"], build.state["fluid.v"]
+        self.before = build.state[self.scratch[0].name]
+
+    @ti.func
+    def begin(self, i):
+        """Before forces: keep the velocity."""
+        self.before[i] = self.v[i]
+
+    @ti.func
+    def move(self, i, dt):
+        """x by the old velocity, kept out of solids; v loses what a solid took from the old one."""
+        x, stopped = self.walls.move(i, self.before[i], dt)
+        self.x[i] = x
+        self.v[i] += stopped - self.before[i]
