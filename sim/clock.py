@@ -6,6 +6,9 @@ from typing import Iterable, NamedTuple
 from sim.errors import DivergedError
 from sim.stage import Limit, Stage
 
+OVERSTEP = 1.1
+"""[1] times a limit. Limits lie two to five times under the edge; less than this is none of a failure's causes."""
+
 
 class Overstep(NamedTuple):
     """A step longer than a limit allows: when [s], how long [s], and the limit."""
@@ -54,7 +57,7 @@ class Clock:
             )
         left = 1.0 / self.fps - self.elapsed
         dt = left / max(1, math.ceil(left / seconds - 1e-6))
-        if self.overstep is None and dt > limit.seconds * (1.0 + 1e-6):
+        if self.overstep is None and dt > OVERSTEP * limit.seconds:
             self.overstep = Overstep(self.time, dt, limit)
         return dt
 

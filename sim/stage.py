@@ -40,6 +40,13 @@ class Limit(NamedTuple):
     name: str
 
 
+class Suspect(NamedTuple):
+    """A setting known to fail: how ("exploding", "imploding"), and the words that say why and what to set instead."""
+
+    failure: str
+    words: str
+
+
 @dataclass(frozen=True)
 class Stage:
     """One verb of the step. `reads` and `writes` are public row names; a contract test holds them true."""

@@ -142,9 +142,10 @@ class World:
         now, config = self.clock.time, self.config
         if config.fluid:
             living = self.state.count[None]
-            x, v = (self.state[f"fluid.{n}"].to_numpy()[:living] for n in "xv")
-            guard.check_things("particle", x, v, self.state["fluid.id"].to_numpy()[:living], now, config)
-            guard.check_density(self.state["fluid.density"].to_numpy()[:living], now, config)
+            x, v, ids = (self.state[f"fluid.{n}"].to_numpy()[:living] for n in ("x", "v", "id"))
+            suspects = guard.known_causes(config, self.clock.overstep, roster.suspects(self.build))
+            guard.check_things("particle", x, v, ids, now, config, suspects)
+            guard.check_density(self.build.parts["pairs"].density()[:living], x, ids, now, config, suspects)
         if config.cloth:
             x, v = (self.state[f"cloth.{n}"].to_numpy() for n in "xv")
             guard.check_things("cloth node", x, v, np.arange(len(x)), now, config)

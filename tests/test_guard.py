@@ -8,12 +8,18 @@ import pytest
 from sim import guard
 from sim.clock import Clock
 from sim.errors import DivergedError
-from sim.stage import Limit, Stage
+from sim.stage import Limit, Stage, Suspect
 
 SCENE = SimpleNamespace(
     emitter={"spout": SimpleNamespace(speed=0.5)},
     solid={},
-    fluid=SimpleNamespace(block={}, method="dfsph", expected_speed=None, liquid=SimpleNamespace(rest_density=1000.0)),
+    fluid=SimpleNamespace(
+        block={},
+        method="dfsph",
+        expected_speed=None,
+        params=SimpleNamespace(cfl=0.4),
+        liquid=SimpleNamespace(rest_density=1000.0),
+    ),
     space=SimpleNamespace(gravity=(0.0, 0.0, -9.81), low=(0.0, 0.0, 0.0), high=(1.0, 1.0, 0.3)),
 )
 
@@ -45,13 +51,49 @@ def test_nan_is_counted():
         guard.check_things("cloth node", x, v, ids, 0.1, SCENE)
 
 
-def test_imploding_and_leaking():
-    guard.check_density(np.full(4, 1400.0), 1.0, SCENE)
-    with pytest.raises(DivergedError, match="imploding"):
-        guard.check_density(np.full(4, 1600.0), 1.0, SCENE)
+def test_more_energy_than_there_was_is_an_explosion_however_slow_the_fastest():
+    x, v, ids = np.zeros((40, 3)), np.zeros((40, 3)), np.arange(7, 47)
+    v[:, 2] = 1.1 * guard.HEATED * guard.expected_speed(SCENE)
+    guard.check_things("particle", x[:8], v[:8], ids[:8], 0.1, SCENE)
+    with pytest.raises(DivergedError, match="exploding at t = 0.1 s, particle 7 at .* more energy than there was"):
+        guard.check_things("particle", x, v, ids, 0.1, SCENE)
+    guard.check_things("cloth node", x, v, ids, 0.1, SCENE)
+
+
+def test_imploding_is_mean_density_or_a_quarter_of_the_water_in_clumps():
+    x, ids = np.zeros((8, 3)), np.arange(8)
+    guard.check_density(np.full(8, 1400.0), x, ids, 1.0, SCENE)
+    guard.check_density(np.array([2100.0] * 2 + [900.0] * 6), x, ids, 1.0, SCENE)
+    with pytest.raises(DivergedError, match="imploding at t = 1 s, particle 0 at .* the mean of all water, 1.6 x"):
+        guard.check_density(np.full(8, 1600.0), x, ids, 1.0, SCENE)
+    with pytest.raises(DivergedError, match="imploding .* 38 % of the water passes 2 x"):
+        guard.check_density(np.array([900.0] * 5 + [2100.0] * 3), x, ids, 1.0, SCENE)
+
+
+def test_leaking():
     guard.check_leaks(0, 1.0)
     with pytest.raises(DivergedError, match="leaking at t = 1 s: 2 particles"):
         guard.check_leaks(2, 1.0)
+
+
+def test_causes_of_this_failure_come_first_and_three_are_told():
+    clock = Clock(10, 4e-3, 1e-6, obeys=False)
+    clock.next_step(limited(1e-3))
+    suspects = [Suspect("imploding", "mass"), Suspect("exploding", "sign"), Suspect("imploding", "clamp")]
+    causes = guard.known_causes(SCENE, clock.overstep, tuple(suspects))
+    with pytest.raises(
+        DivergedError, match="; since t = 0 s dt = 4 ms is 4 x the water speed limit of 1 ms, .*; sign; "
+    ):
+        guard.check_things("particle", *things(41.0), 0.4, SCENE, causes)
+    with pytest.raises(DivergedError, match=r"; mass; clamp; since .* \(and 1 more\)$"):
+        guard.check_density(np.full(1, 1600.0), np.zeros((1, 3)), np.zeros(1, int), 1.0, SCENE, causes)
+
+
+def test_sound_slower_than_water_is_a_cause_of_implosion():
+    soft = SimpleNamespace(**{**vars(SCENE), "fluid": SimpleNamespace(**vars(SCENE.fluid))})
+    soft.fluid.params = SimpleNamespace(sound_speed=1.0)
+    (cause,) = guard.known_causes(soft, None)
+    assert cause.failure == "imploding" and cause.words.startswith("sound at 1 m/s is slower than water at 2.5 m/s")
 
 
 def limited(seconds: float) -> list[Stage]:
@@ -74,3 +116,14 @@ def test_steps_divide_the_frame_evenly():
 def test_starving_names_the_limit(seconds):
     with pytest.raises(DivergedError, match="starving at t = 0 s: the water speed limit"):
         Clock(30, 2e-3, 1e-6).next_step(limited(seconds))
+
+
+def test_a_clock_that_ignores_limits_keeps_the_first_that_it_broke():
+    clock = Clock(10, 4e-3, 1e-6, obeys=False)
+    assert clock.next_step(limited(3.8e-3)) == pytest.approx(4e-3) and clock.overstep is None
+    clock.advance(4e-3)
+    assert clock.next_step(limited(1e-3)) == pytest.approx(4e-3)
+    clock.next_step(limited(1e-7))
+    assert clock.overstep.limit == Limit(1e-3, "water speed") and clock.overstep.time == 4e-3
+    obeying = Clock(10, 4e-3, 1e-6)
+    assert obeying.next_step(limited(1e-3)) == pytest.approx(1e-3) and obeying.overstep is None

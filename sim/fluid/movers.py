@@ -4,7 +4,7 @@ import taichi as ti
 
 from sim.registry import register
 from sim.schema import Model
-from sim.stage import Build
+from sim.stage import Build, Suspect
 from sim.state import Row
 
 
@@ -65,3 +65,7 @@ class ExplicitEuler:
         x, stopped = self.walls.move(i, self.before[i], dt)
         self.x[i] = x
         self.v[i] += stopped - self.before[i]
+
+    def suspects(self) -> tuple[Suspect, ...]:
+        """Settings that are known to fail, for the guard."""
+        return (Suspect("exploding", 'fluid.mover = "explicit_euler" adds energy, take "symplectic_euler"'),)

@@ -9,7 +9,7 @@ from sim.fluid.motion import Motion
 from sim.maths.kernels import viscosity_laplacian
 from sim.registry import register
 from sim.schema import Model, option, quantity
-from sim.stage import Build, Limit, Stage
+from sim.stage import Build, Limit, Stage, Suspect
 from sim.state import Row
 
 CFL = 0.4
@@ -33,6 +33,11 @@ class Mueller:
         printed_viscosity_sign: bool = option(False, why="the report's (v_i - v_j) instead of Mueller's (v_j - v_i)")
         printed_normalisation: bool = option(False, why="the report's kernels; else a lattice has density rho0")
         mass_factor: float = quantity(1.0, gt=0, le=100, why="the report's guess of a particle's mass, over rho0 dx^3")
+
+        @property
+        def sound_speed(self) -> float:
+            """c = sqrt(k) [m/s]."""
+            return math.sqrt(self.gas_constant)
 
     rows = ("fluid.x", "fluid.v", "fluid.mass", "fluid.density", "fluid.acceleration", "fluid.pressure_acceleration")
     scratch = (Row("fluid.mueller.pressure", "f", "Pa", "of the last sweep", saved=False),)
@@ -72,21 +77,22 @@ class Mueller:
         mu = self.rest_density * self.nu * (-1.0 if self.params.printed_viscosity_sign else 1.0)
         self._push(dt, mu, self.share, self.pairs.neighbour, self.pairs.weight, self.pairs.gradient)
 
-    def suspects(self) -> tuple[str, ...]:
-        """Settings that are known to fail, for the guard: what to change and why."""
-        params, found = self.params, []
+    def suspects(self) -> tuple[Suspect, ...]:
+        """Settings that are known to fail, for the guard."""
+        params, found, key = self.params, [], "fluid.mueller."
         if params.printed_viscosity_sign:
-            found.append("fluid.mueller.printed_viscosity_sign = true adds energy, set it to false")
+            found.append(Suspect("exploding", f"{key}printed_viscosity_sign = true adds energy, set it to false"))
         if params.mass_factor != 1.0:
-            found.append(f"fluid.mueller.mass_factor = {params.mass_factor:g} misjudges density, set it to 1")
+            failure = "exploding" if params.mass_factor > 1.0 else "imploding"
+            found.append(Suspect(failure, f"{key}mass_factor = {params.mass_factor:g} misreads density, set it to 1"))
         if not params.clamp_pressure:
-            found.append("fluid.mueller.clamp_pressure = false pulls thin water together, set it to true")
+            found.append(Suspect("imploding", f"{key}clamp_pressure = false lets pressure pull, set it to true"))
         return tuple(found)
 
     def _limit(self) -> Limit:
         """0.25 h/(c + U), 0.125 h^2/nu, 0.25 sqrt(h/|a|), h = H/2, c = sqrt(k).   Monaghan 1992, Morris 1997"""
         acceleration = self._strongest()
-        sound = Limit(0.25 * self.h / (math.sqrt(self.params.gas_constant) + self.motion.fastest()), "sound speed")
+        sound = Limit(0.25 * self.h / (self.params.sound_speed + self.motion.fastest()), "sound speed")
         viscosity = Limit(0.125 * self.h**2 / self.nu if self.nu else math.inf, "viscosity")
         push = Limit(0.25 * math.sqrt(self.h / acceleration) if acceleration else math.inf, "acceleration")
         return min(sound, viscosity, push)

@@ -1,5 +1,6 @@
 """What every sweep over neighbours reads: W and grad W of each pair, kept for the step."""
 
+import numpy as np
 import taichi as ti
 
 from sim.errors import CapacityError
@@ -30,13 +31,16 @@ class Pairs:
     """
 
     rows = ("fluid.x", "fluid.mass")
-    scratch = (Row("fluid.pairs.inverse_mass", "f", "1/kg", "spares a division a pair", saved=False),)
+    scratch = (
+        Row("fluid.pairs.inverse_mass", "f", "1/kg", "spares a division a pair", saved=False),
+        Row("fluid.pairs.density", "f", "kg/m^3", "by true masses, when the guard asks", saved=False),
+    )
 
     def __init__(self, build: Build):
         fluid = build.config.fluid
         self.state, self.list = build.state, build.parts["search"].list
         self.x, self.mass = build.state["fluid.x"], build.state["fluid.mass"]
-        self.inverse_mass = build.state["fluid.pairs.inverse_mass"]
+        self.inverse_mass, self.total = (build.state[row.name] for row in self.scratch)
         self.torus = Torus(build.config.space)
         self.start, self.stop = self.list.start, self.list.stop
         self.kernel = KERNELS[fluid.kernel]
@@ -70,6 +74,19 @@ class Pairs:
     def apart(self, x, j):
         """x - x_j, of the nearest image in periodic space: every difference of places is taken here."""
         return self.torus.nearest(x - self.x[j])
+
+    def density(self) -> np.ndarray:
+        """sum_j m_j W_ij of the last list [kg/m^3], by true masses and without solids: for the guard, row by row."""
+        self._sum(self.weight)
+        return self.total.to_numpy()
+
+    @ti.kernel
+    def _sum(self, weight: ti.template()):
+        for i in range(self.state.count[None]):
+            rho = self.self_weight * self.mass[i]
+            for k in range(self.start[i], self.stop[i]):
+                rho += weight[k]
+            self.total[i] = rho
 
     @ti.kernel
     def _weigh(self, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):

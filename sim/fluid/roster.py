@@ -7,7 +7,7 @@ from sim.fluid.pairs import Pairs
 from sim.fluid.population import Population
 from sim.fluid.walls import Walls
 from sim.registry import method
-from sim.stage import Build, Stage
+from sim.stage import Build, Stage, Suspect
 
 
 def methods(config: Any) -> list[type]:
@@ -34,3 +34,9 @@ def build_fluid(build: Build) -> list[Stage]:
     parts.append(pressure(build, fluid.params, terms))
     build.parts["population"].reset()
     return [stage for part in parts for stage in part.stages()]
+
+
+def suspects(build: Build) -> tuple[Suspect, ...]:
+    """Settings of this scene's water that are known to fail, as its methods tell them."""
+    pressure = build.parts["pressure"]
+    return tuple(found for part in (pressure, pressure.motion.mover) for found in getattr(part, "suspects", tuple)())
