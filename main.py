@@ -180,6 +180,31 @@ def chart(
 
 
 @app.command()
+def ablate(
+    scene: Annotated[str, typer.Argument(help="A scene that fails: explosion or implosion.")],
+    settings: Settings = None,
+    frames: Frames = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of CSV and PNG; else outputs/ablate/SCENE.")] = None,
+    threads: Threads = None,
+) -> None:
+    """Why a scene fails: undo its causes one at a time, and leave each in alone; a page that shows which mattered."""
+    from render.ablation import ablation_chart
+    from sim.run import OUTPUTS
+    from sim.studies import ablate as ablation
+
+    config = _config(scene, settings, False, frames)
+    settings = (*(settings or ()), f"run.duration={config.run.duration!r}")
+    folder, rows = out or OUTPUTS / "ablate" / config.name, []
+    with _progress(f"ablate {config.name}", len(ablation.trials(ablation.load()))) as reach:
+        for row in ablation.run(scene, folder, settings, threads or 0):
+            rows.append(row)
+            reach(len(rows))
+    ablation_chart(folder / "ablate.csv", folder / "places.csv", folder / "ablate.png")
+    print(f"{config.name}: {ablation.verdict(rows)}")
+    print(f"{folder / 'ablate.csv'}, {folder / 'ablate.png'}")
+
+
+@app.command()
 def doctor(
     scene: Annotated[str | None, typer.Argument(help="A scene: its constants, limits and cost.")] = None,
     settings: Settings = None,

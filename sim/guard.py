@@ -1,5 +1,7 @@
 """Is this still physics? Each failure is named, located and explained; the run stops with its last good state."""
 
+import math
+
 import numpy as np
 
 from sim.errors import DivergedError

@@ -246,7 +246,7 @@ class World:
         """The reverse of `save`."""
         self.state.load({name[4:]: values for name, values in kept.items() if name.startswith("row/")})
         self.clock.frame, self.clock.step = int(kept["clock/frame"]), int(kept["clock/step"])
-        self.clock.elapsed = 0.0
+        self.clock.elapsed, self.clock.overstep = 0.0, None
         self.iterations, self.steps_in_frame = int(kept["note/iterations"]), int(kept["note/steps_in_frame"])
         self.first = {n: None if math.isnan(kept[f"note/{n}"]) else float(kept[f"note/{n}"]) for n in self.first}
         for part in ("contact", "drip"):
