@@ -1,4 +1,4 @@
-"""One page on why a scene fails: its causes mended, and left in, one at a time. From ablate.csv and places.csv alone."""
+"""One page on why a scene fails: its causes mended, and left in, one at a time; from the CSVs of `ablate` alone."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sim.errors import RunError
 FAILS, HOLDS, WATER = "#b5532f", "#3b6ea5", "#7fb2d6"
 MEASURES = {
     "imploding": ("density", "density_bound", "Mean density of the water at its worst [rest density]"),
-    "exploding": ("mean_speed", "speed_bound", "Mean speed of the water (rms) at its worst [m/s]"),
+    "exploding": ("mean_speed", "speed_bound", "Speed of the water (rms of all) at its worst [m/s]"),
 }
 
 
@@ -77,7 +77,10 @@ def _bars(axes, rows: list[dict[str, str]], column: str, bound: float, nothing: 
         words = f"{row['failure']} at {float(row['time']):.3f} s" if row["failure"] else "holds"
         axes.annotate(words, (value, place), (4, 0), textcoords="offset points", va="center", fontsize=8.5)
     axes.axvline(bound, color="#444444", linewidth=0.9, linestyle="--")
+    axes.annotate("no longer physics", (bound, 1.0), (4, -2), xycoords=("data", "axes fraction"),
+                  textcoords="offset points", va="top", fontsize=8, color="#444444")  # fmt: skip
     axes.set_yticks(places, names)
+    axes.set_ylim(-0.6, len(rows) - 0.2)
     axes.set_title(title)
     axes.grid(axis="y", visible=False)
     axes.set_xlim(0.0, max(axes.get_xlim()[1], 1.45 * max(values), 1.2 * bound))

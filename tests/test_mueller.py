@@ -1,0 +1,264 @@
+"""The report's method, its failures and what mends them; limits of the step, held on both sides; movers; momentum."""
+
+import numpy as np
+import pytest
+
+from sim.errors import DivergedError
+from tests.spawned import open_world, spawn
+
+SPACING = 0.01
+
+SETTLE = """
+schema = 1
+[run]
+duration = "0.5 s"
+fps = 100
+dt_max = "1 ms"
+[space]
+low = [-0.07, -0.07, -0.02]
+high = [0.07, 0.07, 0.2]
+[fluid]
+spacing = "1 cm"
+method = "mueller"
+[fluid.mueller]
+gas_constant = "3 m^2/s^2"
+[fluid.liquid]
+rest_density = 1000.0
+nu = "5e-3 m^2/s"
+surface_tension = 0.0
+[fluid.block.cube]
+low = [-0.03, -0.03, 0.0]
+high = [0.03, 0.03, 0.06]
+[solid.tank]
+shape = "basin"
+size = [0.1, 0.1, 0.15]
+[solid.lid]
+shape = "box"
+centre = [0.0, 0.0, 0.16]
+size = [0.12, 0.12, 0.02]
+"""
+
+BOX = """
+schema = 1
+[run]
+duration = "1 s"
+fps = 100
+dt_max = "10 ms"
+[space]
+low = [-0.1, -0.1, -0.02]
+high = [0.1, 0.1, 0.12]
+[fluid]
+spacing = "1 cm"
+[fluid.mueller]
+gas_constant = "25 m^2/s^2"
+clamp_pressure = false
+[fluid.wcsph]
+sound_speed = "5 m/s"
+[fluid.liquid]
+rest_density = 1000.0
+nu = 0.05
+surface_tension = 0.0
+[fluid.block.pool]
+low = [-0.04, -0.04, 0.0]
+high = [0.04, 0.04, 0.05]
+[solid.tank]
+shape = "basin"
+size = [0.08, 0.08, 0.1]
+"""
+
+DROP = """
+schema = 1
+[run]
+duration = "0.1 s"
+fps = 50
+dt_max = "1 ms"
+[space]
+gravity = [0.0, 0.0, 0.0]
+low = [-0.2, -0.2, -0.2]
+high = [0.2, 0.2, 0.2]
+[fluid]
+spacing = "1 cm"
+terms = []
+[fluid.mueller]
+clamp_pressure = false
+mass_factor = 1.1
+[fluid.wcsph]
+sound_speed = "5 m/s"
+[fluid.liquid]
+rest_density = 1000.0
+nu = 0.0
+surface_tension = 0.0
+[fluid.block.front]
+low = [-0.03, -0.02, -0.03]
+high = [0.0, 0.04, 0.03]
+velocity = [0.5, 0.1, 0.0]
+[fluid.block.back]
+low = [0.0, -0.04, -0.03]
+high = [0.03, 0.02, 0.03]
+velocity = [-0.3, 0.0, 0.2]
+"""
+
+
+def _scene(folder, text: str) -> str:
+    path = folder.mktemp("mueller") / "scene.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def _row(world, name: str) -> np.ndarray:
+    return world.state[f"fluid.{name}"].to_numpy()[: world.state.count[None]].astype(float)
+
+
+def _rms(world) -> float:
+    return float(np.sqrt((_row(world, "v") ** 2).sum(1).mean()))
+
+
+def _after(world, start: dict, seconds: float, dt: float | None = None) -> dict:
+    """From the start on, within all limits, or with dt whatever they say: rms speed, steps, what the guard said."""
+    world.load(start)
+    world.clock.obeys = dt is None
+    world.clock.cap = world.clock.cap._replace(seconds=dt or 0.01)
+    said = ""
+    try:
+        for _ in range(round(seconds * world.clock.fps)):
+            world.advance()
+    except DivergedError as error:
+        said = str(error)
+    return {"speed": _rms(world), "dt": world.clock.time / max(world.clock.step, 1), "said": said}
+
+
+def _settle(path: str) -> dict:
+    world = open_world(path)
+    start, pressure = world.save(), world.build.parts["pressure"]
+    found = {}
+    for printed in (False, True):
+        pressure.params = pressure.params.model_copy(update={"printed_viscosity_sign": printed})
+        world.load(start)
+        world.clock.obeys = False
+        fastest = 0.0
+        for _ in range(30):
+            try:
+                world.advance()
+            except DivergedError:
+                pass
+            fastest = max(fastest, float(np.sqrt((_row(world, "v") ** 2).sum(1)).max()))
+        found[printed] = fastest
+    return found
+
+
+def test_the_printed_sign_of_viscosity_boils_what_the_right_one_calms(tmp_path_factory):
+    """216 particles in a box, k = 3, mu = 5 Pa s, dt = 1 ms."""
+    fastest = spawn(_settle, _scene(tmp_path_factory, SETTLE))
+    assert fastest[False] < 1.0
+    assert fastest[True] > 10.0
+
+
+EDGE = {"mueller": 0.6, "wcsph": 0.5, "dfsph": 0.5}
+"""[dx^2/nu] Steps that viscosity does not survive: on the lattice the edge is 0.51 for Mueller's, 0.33 for Morris's."""
+
+
+def _edges(path: str, method: str, limit: str) -> dict:
+    """Within the limits, and at a step that water at rest must not survive; the other limit is far."""
+    terms = [] if method == "mueller" or limit == "viscosity" else ["fluid.terms=[]"]
+    world = open_world(path, f"fluid.method={method}", *terms)
+    start, pressure = world.save(), world.build.parts["pressure"]
+    if limit == "viscosity":
+        dt = EDGE[method] * SPACING**2 / 0.05
+    else:
+        dt = 2.5 * SPACING / pressure.params.sound_speed
+        pressure.nu = 1e-3
+    return {"within": _after(world, start, 0.2), "beyond": _after(world, start, 0.2, dt)}
+
+
+CASES = [
+    ("mueller", "sound"), ("mueller", "viscosity"), ("wcsph", "sound"), ("wcsph", "viscosity"), ("dfsph", "viscosity"),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def edges(tmp_path_factory):
+    """A pool of 320 particles from wall to wall; c = 5 m/s, or nu = 0.05 m^2/s where viscosity is to bind."""
+    path = _scene(tmp_path_factory, BOX)
+    return {case: spawn(_edges, path, *case) for case in CASES}
+
+
+@pytest.mark.parametrize("method, limit", CASES)
+def test_within_its_limit_water_stays_calm(edges, method, limit):
+    run = edges[method, limit]["within"]
+    assert run["said"] == ""
+    assert run["speed"] < 0.1
+
+
+@pytest.mark.parametrize("method, limit", CASES)
+def test_beyond_its_edge_water_fails_and_the_guard_names_the_limit(edges, method, limit):
+    run = edges[method, limit]["beyond"]
+    assert run["said"].startswith(("exploding", "imploding", "NaN"))
+    assert f"x the {limit}" in run["said"] and "run.dt_limits = true" in run["said"]
+
+
+def _moments(world) -> np.ndarray:
+    """Linear and angular momentum of all water: sum m v, sum m x cross v."""
+    m, x, v = _row(world, "mass")[:, None], _row(world, "x"), _row(world, "v")
+    return np.concatenate([(m * v).sum(0), (m * np.cross(x, v)).sum(0)])
+
+
+def _drop(path: str, method: str) -> np.ndarray:
+    """Momenta of the drop at every frame; rows (6,)."""
+    world = open_world(path, f"fluid.method={method}", precision="f64")
+    seen = [_moments(world)]
+    for _ in range(world.frame_count):
+        world.advance()
+        seen.append(_moments(world))
+    return np.array(seen)
+
+
+@pytest.mark.parametrize("method", ["mueller", "wcsph", "dfsph"])
+def test_a_free_drop_keeps_linear_and_angular_momentum_under_pressure(tmp_path_factory, method):
+    """Two halves fly into each other, past the centre, in f64; pressure and artificial viscosity are central."""
+    moments = spawn(_drop, _scene(tmp_path_factory, DROP), method)
+    assert np.abs(moments[0, :3]).min() > 1e-3 and np.abs(moments[0, 3:]).max() > 1e-4
+    assert np.abs(moments[:, :3] - moments[0, :3]).max() < 1e-13
+    assert np.abs(moments[:, 3:] - moments[0, 3:]).max() < 1e-14
+
+
+def _orders(path: str, mover: str) -> dict:
+    """A gas drop let go at rest, 5 % too dense: places at 20 ms for dt, dt/2, dt/4; and its momenta when viscous."""
+    world = open_world(path, "fluid.method=mueller", f"fluid.mover={mover}", precision="f64")
+    start, pressure = world.save(), world.build.parts["pressure"]
+    start["row/fluid.v"][:] = 0.0
+    places = []
+    for dt in (1e-3, 5e-4, 2.5e-4):
+        world.load(start)
+        world.clock.cap = world.clock.cap._replace(seconds=dt)
+        world.advance()
+        places.append(_row(world, "x")[np.argsort(world.state["fluid.id"].to_numpy()[: world.state.count[None]])])
+    one, two, four = places
+    pressure.nu = 1e-3
+    start["row/fluid.v"][:] = np.random.default_rng(5).normal(size=start["row/fluid.v"].shape)
+    world.load(start)
+    before = _moments(world)
+    world.advance()
+    return {
+        "order": world.build.parts["pressure"].motion.mover.order,
+        "measured": np.log2(np.linalg.norm(one - two) / np.linalg.norm(two - four)),
+        "moved": float(np.abs(one - four).max()),
+        "drift": np.abs(_moments(world) - before),
+    }
+
+
+@pytest.fixture(scope="module")
+def movers(tmp_path_factory):
+    path = _scene(tmp_path_factory, DROP)
+    return {mover: spawn(_orders, path, mover) for mover in ("symplectic_euler", "explicit_euler")}
+
+
+@pytest.mark.parametrize("mover", ["symplectic_euler", "explicit_euler"])
+def test_halving_the_step_shows_each_movers_order(movers, mover):
+    run = movers[mover]
+    assert run["moved"] > 1e-6
+    assert run["measured"] == pytest.approx(run["order"], abs=0.15)
+
+
+@pytest.mark.parametrize("mover", ["symplectic_euler", "explicit_euler"])
+def test_muellers_viscosity_keeps_momentum_to_rounding(movers, mover):
+    assert movers[mover]["drift"][:3].max() < 1e-13
