@@ -80,8 +80,8 @@ high = [0.2, 0.2, 0.2]
 spacing = "1 cm"
 terms = []
 [fluid.mueller]
+gas_constant = "1 m^2/s^2"
 clamp_pressure = false
-mass_factor = 1.1
 [fluid.wcsph]
 sound_speed = "5 m/s"
 [fluid.liquid]
@@ -91,11 +91,11 @@ surface_tension = 0.0
 [fluid.block.front]
 low = [-0.03, -0.02, -0.03]
 high = [0.0, 0.04, 0.03]
-velocity = [0.5, 0.1, 0.0]
+velocity = [0.8, 0.1, 0.0]
 [fluid.block.back]
 low = [0.0, -0.04, -0.03]
 high = [0.03, 0.02, 0.03]
-velocity = [-0.3, 0.0, 0.2]
+velocity = [-0.6, 0.0, 0.2]
 """
 
 
@@ -213,16 +213,18 @@ def _drop(path: str, method: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("method", ["mueller", "wcsph", "dfsph"])
-def test_a_free_drop_keeps_linear_and_angular_momentum_under_pressure(tmp_path_factory, method):
-    """Two halves fly into each other, past the centre, in f64; pressure and artificial viscosity are central."""
+def test_a_free_drop_keeps_its_momentum_under_pressure(tmp_path_factory, method):
+    """Two halves fly past each other, in f64. Pressure and wcsph's artificial viscosity are central, so angular
+    momentum is kept too; dfsph moves particles by another velocity than they keep, which turns them by 0.2 %."""
     moments = spawn(_drop, _scene(tmp_path_factory, DROP), method)
-    assert np.abs(moments[0, :3]).min() > 1e-3 and np.abs(moments[0, 3:]).max() > 1e-4
-    assert np.abs(moments[:, :3] - moments[0, :3]).max() < 1e-13
-    assert np.abs(moments[:, 3:] - moments[0, 3:]).max() < 1e-14
+    linear, angular = np.abs(moments - moments[0]).max(0).reshape(2, 3)
+    assert np.abs(moments[0, :3]).min() > 1e-3 and np.abs(moments[0, 3:]).max() > 1e-3
+    assert linear.max() < 1e-14
+    assert angular.max() < (3e-3 * np.abs(moments[0, 3:]).max() if method == "dfsph" else 1e-15)
 
 
 def _orders(path: str, mover: str) -> dict:
-    """A gas drop let go at rest, 5 % too dense: places at 20 ms for dt, dt/2, dt/4; and its momenta when viscous."""
+    """A gas drop at rest, pulled in by its surface: where it is at 20 ms by dt, dt/2, dt/4; momentum if viscous."""
     world = open_world(path, "fluid.method=mueller", f"fluid.mover={mover}", precision="f64")
     start, pressure = world.save(), world.build.parts["pressure"]
     start["row/fluid.v"][:] = 0.0
@@ -262,3 +264,27 @@ def test_halving_the_step_shows_each_movers_order(movers, mover):
 @pytest.mark.parametrize("mover", ["symplectic_euler", "explicit_euler"])
 def test_muellers_viscosity_keeps_momentum_to_rounding(movers, mover):
     assert movers[mover]["drift"][:3].max() < 1e-13
+
+
+def _fails(scene: str, end: float) -> dict:
+    """The scene past the guard's first word, as `ablate` runs it."""
+    from sim.studies import ablate
+
+    return ablate.measure(open_world(scene, f"run.duration={end}"))
+
+
+@pytest.mark.parametrize(
+    "scene, end, said",
+    [
+        ("explosion", 0.1, "since t = 0 s dt = 2 ms is 1.4 x the sound speed limit of 1.4 ms, set run.dt_limits = true; "
+         "fluid.mueller.printed_viscosity_sign = true adds energy, set it to false; "),
+        ("implosion", 0.04, "fluid.mueller.mass_factor = 0.3 misreads density, set it to 1; "),
+    ],
+)  # fmt: skip
+def test_the_reports_scenes_fail_as_its_figures_show_and_the_guard_says_why(scene, end, said):
+    run = spawn(_fails, scene, end)
+    assert run["failure"] == scene.replace("sion", "ding")
+    assert 0.0 < run["time"] < end
+    assert ", particle " in run["message"] and " at (" in run["message"] and said in run["message"]
+    worst = run["mean_speed"] / run["speed_bound"] if scene == "explosion" else run["density"] / run["density_bound"]
+    assert worst > 1.2

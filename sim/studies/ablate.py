@@ -91,8 +91,8 @@ def run(scene: str, out: Path, settings: tuple[str, ...] = (), threads: int = 0)
             places += [{"run": trial.run, "x": a, "y": b, "z": c} for a, b, c in x]
         yield rows[-1]
     out.mkdir(parents=True, exist_ok=True)
-    _write(out / "ablate.csv", COLUMNS, rows)
-    _write(out / "places.csv", ("run", "x", "y", "z"), places)
+    write_table(out / "ablate.csv", COLUMNS, rows)
+    write_table(out / "places.csv", ("run", "x", "y", "z"), places)
 
 
 def _run(scene: str, overrides: tuple[str, ...], threads: int) -> tuple[dict[str, Any], list]:
@@ -139,7 +139,8 @@ def _positions(world: Any) -> list:
     return world.state["fluid.x"].to_numpy()[: world.state.count[None]].tolist()
 
 
-def _write(path: Path, columns: tuple[str, ...], rows: list[dict[str, Any]]) -> None:
+def write_table(path: Path, columns: tuple[str, ...], rows: list[dict[str, Any]]) -> None:
+    """A CSV, whole or not at all; numbers to six digits, nan as an empty cell."""
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
