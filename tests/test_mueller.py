@@ -153,21 +153,24 @@ def test_the_printed_sign_of_viscosity_boils_what_the_right_one_calms(tmp_path_f
     assert fastest[True] > 10.0
 
 
-EDGE = {"mueller": 0.6, "wcsph": 0.5, "dfsph": 0.5}
-"""[dx^2/nu] Steps that viscosity does not survive: on the lattice the edge is 0.51 for Mueller's, 0.33 for Morris's."""
+EDGE = {"mueller": 0.7, "wcsph": 0.5, "dfsph": 0.5}
+"""[dx^2/nu] Steps that viscosity does not survive. The edge is 0.33 for Morris's form; for Mueller's 0.51 on a lattice
+without end, and between 0.55 and 0.6 in this pool."""
 
 
-def _edges(path: str, method: str, limit: str) -> dict:
+def _edges(path: str, method: str, *limits: str) -> dict:
     """Within the limits, and at a step that water at rest must not survive; the other limit is far."""
-    terms = [] if method == "mueller" or limit == "viscosity" else ["fluid.terms=[]"]
+    terms = [] if method == "mueller" or limits == ("viscosity",) else ["fluid.terms=[]"]
     world = open_world(path, f"fluid.method={method}", *terms)
     start, pressure = world.save(), world.build.parts["pressure"]
-    if limit == "viscosity":
-        dt = EDGE[method] * SPACING**2 / 0.05
-    else:
-        dt = 2.5 * SPACING / pressure.params.sound_speed
-        pressure.nu = 1e-3
-    return {"within": _after(world, start, 0.2), "beyond": _after(world, start, 0.2, dt)}
+    answers = {}
+    for limit in limits:
+        if limit == "viscosity":
+            pressure.nu, dt = 0.05, EDGE[method] * SPACING**2 / 0.05
+        else:
+            pressure.nu, dt = 2e-3, 2.5 * SPACING / pressure.params.sound_speed
+        answers[method, limit] = {"within": _after(world, start, 0.1), "beyond": _after(world, start, 0.1, dt)}
+    return answers
 
 
 CASES = [
@@ -179,14 +182,15 @@ CASES = [
 def edges(tmp_path_factory):
     """A pool of 320 particles from wall to wall; c = 5 m/s, or nu = 0.05 m^2/s where viscosity is to bind."""
     path = _scene(tmp_path_factory, BOX)
-    return {case: spawn(_edges, path, *case) for case in CASES}
+    runs = [("mueller", "sound", "viscosity"), ("wcsph", "sound"), ("wcsph", "viscosity"), ("dfsph", "viscosity")]
+    return {case: answer for run in runs for case, answer in spawn(_edges, path, *run).items()}
 
 
 @pytest.mark.parametrize("method, limit", CASES)
 def test_within_its_limit_water_stays_calm(edges, method, limit):
     run = edges[method, limit]["within"]
     assert run["said"] == ""
-    assert run["speed"] < 0.1
+    assert run["speed"] < 0.15
 
 
 @pytest.mark.parametrize("method, limit", CASES)
@@ -202,31 +206,19 @@ def _moments(world) -> np.ndarray:
     return np.concatenate([(m * v).sum(0), (m * np.cross(x, v)).sum(0)])
 
 
-def _drop(path: str, method: str) -> np.ndarray:
-    """Momenta of the drop at every frame; rows (6,)."""
-    world = open_world(path, f"fluid.method={method}", precision="f64")
-    seen = [_moments(world)]
+def _drop(path: str, method: str, mover: str) -> dict:
+    """Momenta of two halves that fly past each other, at every frame: rows (6,); and more of the report's method."""
+    world = open_world(path, f"fluid.method={method}", f"fluid.mover={mover}", precision="f64")
+    start, seen = world.save(), [_moments(world)]
     for _ in range(world.frame_count):
         world.advance()
         seen.append(_moments(world))
-    return np.array(seen)
+    return {"moments": np.array(seen)} | (_order(world, start) if method == "mueller" else {})
 
 
-@pytest.mark.parametrize("method", ["mueller", "wcsph", "dfsph"])
-def test_a_free_drop_keeps_its_momentum_under_pressure(tmp_path_factory, method):
-    """Two halves fly past each other, in f64. Pressure and wcsph's artificial viscosity are central, so angular
-    momentum is kept too; dfsph moves particles by another velocity than they keep, which turns them by 0.2 %."""
-    moments = spawn(_drop, _scene(tmp_path_factory, DROP), method)
-    linear, angular = np.abs(moments - moments[0]).max(0).reshape(2, 3)
-    assert np.abs(moments[0, :3]).min() > 1e-3 and np.abs(moments[0, 3:]).max() > 1e-3
-    assert linear.max() < 1e-14
-    assert angular.max() < (3e-3 * np.abs(moments[0, 3:]).max() if method == "dfsph" else 1e-15)
-
-
-def _orders(path: str, mover: str) -> dict:
-    """A gas drop at rest, pulled in by its surface: where it is at 20 ms by dt, dt/2, dt/4; momentum if viscous."""
-    world = open_world(path, "fluid.method=mueller", f"fluid.mover={mover}", precision="f64")
-    start, pressure = world.save(), world.build.parts["pressure"]
+def _order(world, start: dict) -> dict:
+    """A gas drop at rest, pulled in by its surface: its places at 20 ms by dt, dt/2, dt/4; momentum if viscous."""
+    pressure = world.build.parts["pressure"]
     start["row/fluid.v"][:] = 0.0
     places = []
     for dt in (1e-3, 5e-4, 2.5e-4):
@@ -235,35 +227,64 @@ def _orders(path: str, mover: str) -> dict:
         world.advance()
         places.append(_row(world, "x")[np.argsort(world.state["fluid.id"].to_numpy()[: world.state.count[None]])])
     one, two, four = places
+    world.load(start)
+    for stage in world.stages:
+        stage.run(1e-3)
+    first = np.abs(np.sort(_row(world, "x"), 0) - np.sort(start["row/fluid.x"], 0)).max()
     pressure.nu = 1e-3
     start["row/fluid.v"][:] = np.random.default_rng(5).normal(size=start["row/fluid.v"].shape)
     world.load(start)
     before = _moments(world)
     world.advance()
     return {
-        "order": world.build.parts["pressure"].motion.mover.order,
+        "order": pressure.motion.mover.order,
         "measured": np.log2(np.linalg.norm(one - two) / np.linalg.norm(two - four)),
         "moved": float(np.abs(one - four).max()),
-        "drift": np.abs(_moments(world) - before),
+        "first": float(first),
+        "viscous": np.abs(_moments(world) - before)[:3].max(),
     }
 
 
+MOVED = [
+    ("mueller", "symplectic_euler"), ("mueller", "explicit_euler"), ("wcsph", "symplectic_euler"),
+    ("dfsph", "symplectic_euler"),
+]  # fmt: skip
+
+
 @pytest.fixture(scope="module")
-def movers(tmp_path_factory):
+def drops(tmp_path_factory):
     path = _scene(tmp_path_factory, DROP)
-    return {mover: spawn(_orders, path, mover) for mover in ("symplectic_euler", "explicit_euler")}
+    return {case: spawn(_drop, path, *case) for case in MOVED}
+
+
+@pytest.mark.parametrize("case", MOVED, ids=" ".join)
+def test_a_free_drop_keeps_its_momentum_under_pressure(drops, case):
+    """To rounding of f64. Pressure and wcsph's artificial viscosity are central, so angular momentum is kept too; not
+    where another velocity moves a particle than the one it keeps: dfsph's way, explicit Euler's old velocity."""
+    moments = drops[case]["moments"]
+    linear, angular = np.abs(moments - moments[0]).max(0).reshape(2, 3)
+    size = np.abs(moments[0]).reshape(2, 3).max(1)
+    assert size[0] > 1e-2 and size[1] > 1e-3
+    assert linear.max() < 1e-13 * size[0]
+    turned = {("dfsph", "symplectic_euler"): 3e-3, ("mueller", "explicit_euler"): 3e-2}.get(case, 1e-13)
+    assert angular.max() < turned * size[1]
 
 
 @pytest.mark.parametrize("mover", ["symplectic_euler", "explicit_euler"])
-def test_halving_the_step_shows_each_movers_order(movers, mover):
-    run = movers[mover]
+def test_halving_the_step_shows_each_movers_order(drops, mover):
+    run = drops["mueller", mover]
     assert run["moved"] > 1e-6
     assert run["measured"] == pytest.approx(run["order"], abs=0.15)
 
 
+def test_from_rest_the_old_velocity_moves_nothing_in_the_first_step(drops):
+    assert drops["mueller", "explicit_euler"]["first"] == 0.0
+    assert drops["mueller", "symplectic_euler"]["first"] > 1e-7
+
+
 @pytest.mark.parametrize("mover", ["symplectic_euler", "explicit_euler"])
-def test_muellers_viscosity_keeps_momentum_to_rounding(movers, mover):
-    assert movers[mover]["drift"][:3].max() < 1e-13
+def test_muellers_viscosity_keeps_momentum_to_rounding(drops, mover):
+    assert drops["mueller", mover]["viscous"] < 1e-15
 
 
 def _fails(scene: str, end: float) -> dict:
@@ -273,18 +294,18 @@ def _fails(scene: str, end: float) -> dict:
     return ablate.measure(open_world(scene, f"run.duration={end}"))
 
 
-@pytest.mark.parametrize(
-    "scene, end, said",
-    [
-        ("explosion", 0.1, "since t = 0 s dt = 2 ms is 1.4 x the sound speed limit of 1.4 ms, set run.dt_limits = true; "
-         "fluid.mueller.printed_viscosity_sign = true adds energy, set it to false; "),
-        ("implosion", 0.04, "fluid.mueller.mass_factor = 0.3 misreads density, set it to 1; "),
-    ],
-)  # fmt: skip
-def test_the_reports_scenes_fail_as_its_figures_show_and_the_guard_says_why(scene, end, said):
+SAID = {
+    "explosion": "since t = 0 s dt = 2 ms is 1.4 x the sound speed limit of 1.4 ms, set run.dt_limits = true; "
+    "fluid.mueller.printed_viscosity_sign = true adds energy, set it to false; ",
+    "implosion": "fluid.mueller.mass_factor = 0.3 misreads density, set it to 1; ",
+}
+
+
+@pytest.mark.parametrize("scene, end", [("explosion", 0.1), ("implosion", 0.04)])
+def test_the_reports_scenes_fail_as_its_figures_show_and_the_guard_says_why(scene, end):
     run = spawn(_fails, scene, end)
     assert run["failure"] == scene.replace("sion", "ding")
     assert 0.0 < run["time"] < end
-    assert ", particle " in run["message"] and " at (" in run["message"] and said in run["message"]
+    assert ", particle " in run["message"] and " at (" in run["message"] and SAID[scene] in run["message"]
     worst = run["mean_speed"] / run["speed_bound"] if scene == "explosion" else run["density"] / run["density_bound"]
     assert worst > 1.2
