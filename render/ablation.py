@@ -1,4 +1,4 @@
-"""One page on why a scene fails: its causes mended, and left in, one at a time; from the CSVs of `ablate` alone."""
+"""One page on why a scene fails: its causes mended, and left in, one at a time. Drawn from two CSV files alone."""
 
 from __future__ import annotations
 
