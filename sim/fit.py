@@ -106,7 +106,7 @@ def _method(fluid) -> list[Problem]:
         found.append(Problem("fluid.terms", 'the method "mueller" has its own viscosity; leave this one out'))
     if fluid.method != "mueller" and fluid.kernel == "mueller":
         found.append(Problem("fluid.kernel", 'is two kernels, of the method "mueller" alone; choose wendland_c2'))
-    if fluid.method == "dfsph" and fluid.mover != "symplectic_euler":
+    if fluid.method == "dfsph" and fluid.mover == "explicit_euler":
         found.append(Problem("fluid.mover", 'the method "dfsph" solves for the way it goes; choose symplectic_euler'))
     return found
 

@@ -22,7 +22,7 @@ SLOTS = {
     "source": "particles appear, merge and leave only here: rows are about to be sorted anyway",
     "sort": "rows in cell order, then one list of pairs that every later sweep reads",
     "side": "which face of the cloth each particle is on; pairs across it are cut from the list",
-    "prepare": "density and divergence, on the positions that the list belongs to",
+    "prepare": "density, on the positions that the list belongs to",
     "accelerate": "gravity and the scene's terms change velocity; pressure has not spoken yet",
     "cloth": "the sheet in small substeps, water touching it inside them (130:1 masses allow no lagging)",
     "solve": "pressure makes the predicted density right",

@@ -81,9 +81,9 @@ class Projection:
 
     @ti.func
     def _rate(self, u: ti.template(), i, neighbour: ti.template(), gradient: ti.template()):
-        """D rho_i/Dt of velocities u."""
+        """D rho_i/Dt of velocities u, of solids that move too."""
         own = u[i]
-        rate = own.dot(self.o.walls.gradient[i])
+        rate = self.o.walls.rate(i, own)
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
             rate += (own - u[neighbour[k]]).dot(gradient[k])
         return rate

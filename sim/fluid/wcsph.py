@@ -54,7 +54,7 @@ class Wcsph:
         self.stiffness = self.rest_density * params.sound_speed**2 / GAMMA
         self.damping = params.alpha * self.h * params.sound_speed / self.rest_density
         self.motion = Motion(build, terms, params.cfl)
-        self.iterations = {"density": 0, "divergence": 0}
+        self.iterations = {}
         build.parts["pressure"] = self
 
     def stages(self) -> tuple[Stage, ...]:
