@@ -48,7 +48,12 @@ def _water(config: Config) -> list[Problem]:
     if space.low is None or space.high is None:
         missing = [k for k in ("low", "high") if getattr(space, k) is None]
         return [Problem(f"space.{k}", "missing; [fluid] needs a box to be in") for k in missing]
-    return _method(fluid) + [
+    found = [
+        Problem(f"solid.{name}.no_slip", "needs a viscosity among fluid.terms")
+        for name, solid in config.solid.items()
+        if solid.no_slip and not any("viscosity" in term for term in fluid.terms)
+    ]
+    return _method(fluid) + found + [
         Problem(f"fluid.block.{name}", "must lie within space.low and space.high")
         for name, block in fluid.block.items()
         if not (_inside(block.low, space) and _inside(block.high, space))

@@ -13,8 +13,9 @@ def expected_speed(config: Any) -> float:
         return config.fluid.expected_speed
     speeds = [emitter.speed for emitter in config.emitter.values()]
     speeds += [solid.path.top_speed for solid in config.solid.values() if solid.path]
+    speeds += [math.hypot(*solid.slide) for solid in config.solid.values()]
     if config.fluid:
-        speeds += [math.sqrt(sum(c * c for c in block.velocity)) for block in config.fluid.block.values()]
+        speeds += [math.hypot(*block.velocity) + block.vortices for block in config.fluid.block.values()]
     gravity = math.sqrt(sum(g * g for g in config.space.gravity))
     if config.fluid:
         fall = config.space.high[2] - config.space.low[2]

@@ -77,6 +77,7 @@ class Block(Model):
     low: Vector = quantity(REQUIRED, "length")
     high: Vector = quantity(REQUIRED, "length")
     velocity: Vector = quantity((0.0, 0.0, 0.0), "speed", why="at rest")
+    vortices: float = quantity("0 m/s", "speed", ge=0, why="top speed of Taylor and Green's four, added to velocity")
 
     _order = model_validator(mode="after")(_low_below_high)
 

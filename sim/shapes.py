@@ -69,7 +69,15 @@ class Solid(Model):
     """What every solid may have."""
 
     friction: float = quantity(0.0, ge=0)
+    no_slip: bool = option(False, why="what is thinner than a particle slips; true: water at it moves with it")
+    slide: Vector = quantity((0.0, 0.0, 0.0), "speed", why="at rest; its surface runs like a belt, with no_slip")
     path: Path | None = Field(None, description="absent = it stands still")
+
+    @model_validator(mode="after")
+    def _held(self) -> Solid:
+        if any(self.slide) and not self.no_slip:
+            raise fault("slide needs no_slip = true")
+        return self
 
 
 class Plane(Solid):

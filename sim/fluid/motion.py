@@ -22,6 +22,7 @@ class Motion:
 
     def __init__(self, build: Build, terms: tuple, cfl: float, way=None):
         self.state, self.pairs, self.walls, self.terms = build.state, build.parts["pairs"], build.parts["walls"], terms
+        self.wall_terms = tuple(term for term in terms if getattr(term, "at_walls", False))
         self.x, self.v, self.acceleration = (build.state[name] for name in self.rows)
         self.mover = method("fluid.mover", build.config.fluid.mover)(build, way)
         self.gravity = ti.Vector([float(g) for g in build.config.space.gravity])
@@ -60,6 +61,8 @@ class Motion:
                     j = neighbour[k]
                     for term in ti.static(self.terms):
                         a += term.acceleration(i, j, self.pairs.apart(x, j), gradient[k])
+            for term in ti.static(self.wall_terms):
+                a += term.wall_acceleration(i)
             self.acceleration[i] = a
         ti.loop_config(serialize=self.few)
         for i in range(self.state.count[None]):

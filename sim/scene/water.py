@@ -60,7 +60,7 @@ def build_water(config: Any, solids: Solids) -> Water:
     units = round(fluid.liquid.rest_density * dx**3 / MASS_UNIT)
     lattices = [_lattice(name, block, dx) for name, block in fluid.block.items()]
     lattices = [x[clearance(solids.primitives, x) > CLEARANCE * dx] for x in lattices]
-    speeds = [np.tile(b.velocity, (len(x), 1)) for b, x in zip(fluid.block.values(), lattices)]
+    speeds = [b.velocity + vortices(x, config.space, b.vortices) for b, x in zip(fluid.block.values(), lattices)]
     x = np.concatenate(lattices) if lattices else np.zeros((0, 3))
     v = np.concatenate(speeds) if speeds else np.zeros((0, 3))
     streams = tuple(_stream(emitter, dx, config.run.duration) for emitter in config.emitter.values())
@@ -72,6 +72,17 @@ def build_water(config: Any, solids: Solids) -> Water:
         raise CapacityError(f"fluid.particles_max = {capacity}: {expected} particles will come")
     drains = tuple((tuple(d.low), tuple(d.high)) for d in config.drain.values())
     return Water(x, v, units, capacity, streams, drains)
+
+
+def vortices(x: np.ndarray, space: Any, speed: float) -> np.ndarray:
+    """u = U (-cos a sin b, r sin a cos b, 0): two by two vortices that fill space in x and y, without divergence.
+
+    a = 2 pi x/Lx, b = 2 pi y/Ly, r = Ly/Lx, from the low corner. x (n, 3) -> (n, 3) [m/s].   Taylor & Green 1937
+    """
+    size = np.subtract(space.high, space.low)
+    a, b = (2.0 * np.pi * (x[:, n] - space.low[n]) / size[n] for n in (0, 1))
+    u, v = -np.cos(a) * np.sin(b), np.sin(a) * np.cos(b) * size[1] / size[0]
+    return speed * np.stack([u, v, np.zeros_like(u)], 1)
 
 
 def _lattice(name: str, block: Any, dx: float) -> np.ndarray:
