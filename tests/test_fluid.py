@@ -246,7 +246,7 @@ def _dam(path: str) -> dict:
     return {"times": np.array(times), "fronts": np.array(fronts), "count": world.state.count[None]}
 
 
-@pytest.mark.parametrize("method", ["dfsph", "wcsph"])
+@pytest.mark.parametrize("method", ["dfsph", "pbf", "wcsph"])
 def test_a_breaking_dam_runs_as_martin_and_moyce_saw(tmp_path_factory, method):
     """10 particles across the column; one shift 0 <= T0 <= 0.25 stands for the gate's opening."""
     run = spawn(_dam, _scene(tmp_path_factory, DAM.replace("METHOD", method)))

@@ -9,7 +9,6 @@ from sim.registry import register
 from sim.schema import Model
 from sim.stage import Build, Limit
 
-
 SOFTENING = 0.01
 """Of h^2, added to r^2: two particles in one place pull with no force."""
 
