@@ -53,11 +53,15 @@ def _water(config: Config) -> list[Problem]:
         for name, solid in config.solid.items()
         if solid.no_slip and not any("viscosity" in term for term in fluid.terms)
     ]
-    return _method(fluid) + found + [
-        Problem(f"fluid.block.{name}", "must lie within space.low and space.high")
-        for name, block in fluid.block.items()
-        if not (_inside(block.low, space) and _inside(block.high, space))
-    ]
+    return (
+        _method(fluid)
+        + found
+        + [
+            Problem(f"fluid.block.{name}", "must lie within space.low and space.high")
+            for name, block in fluid.block.items()
+            if not (_inside(block.low, space) and _inside(block.high, space))
+        ]
+    )
 
 
 def _periodic(config: Config) -> list[Problem]:
@@ -111,8 +115,9 @@ def _method(fluid) -> list[Problem]:
         found.append(Problem("fluid.terms", 'the method "mueller" has its own viscosity; leave this one out'))
     if fluid.method != "mueller" and fluid.kernel == "mueller":
         found.append(Problem("fluid.kernel", 'is two kernels, of the method "mueller" alone; choose wendland_c2'))
-    if fluid.method == "dfsph" and fluid.mover == "explicit_euler":
-        found.append(Problem("fluid.mover", 'the method "dfsph" solves for the way it goes; choose symplectic_euler'))
+    if fluid.method in ("dfsph", "pbf") and fluid.mover == "explicit_euler":
+        text = f'the method "{fluid.method}" solves for the way it goes; choose symplectic_euler'
+        found.append(Problem("fluid.mover", text))
     return found
 
 

@@ -119,9 +119,9 @@ class Pbf:
         """s = dt v; walls are met once, where that leads, and followed by their gradient: they are dear and smooth."""
         for i in range(self.state.count[None]):
             s = dt * self.v[i]
-            share, slope, friction = self.walls.fill(self.x[i] + s)
-            self.walls.gradient[i], self.walls.rub[i] = self.rest_density * slope, friction
-            self.wall[i] = self.rest_density * (share - slope.dot(s))
+            rho = self.walls.meet_at(i, self.x[i] + s)
+            # `rate` of one that rests is what moving walls bring.
+            self.wall[i] = rho - self.walls.gradient[i].dot(s) + dt * self.walls.rate(i, 0.0 * s)
             self.kappa[i], self.ahead[i], self.shift[i] = 0.0, 0.0, s
 
     @ti.kernel

@@ -62,7 +62,12 @@ class Walls:
     @ti.func
     def meet(self, i):
         """rho0 lambda [kg/m^3] of all solids at x_i; keeps gradient[i], the friction, and how the solids move."""
-        share, gradient, friction, swept, carried = self.fill(self.x[i])
+        return self.meet_at(i, self.x[i])
+
+    @ti.func
+    def meet_at(self, i, x):
+        """As if particle i were at x."""
+        share, gradient, friction, swept, carried = self.fill(x)
         self.gradient[i], self.rub[i] = self.rest_density * gradient, friction
         if ti.static(self.bodies.moves):
             self.swept[i], self.carried[i] = self.rest_density * swept, carried
