@@ -79,6 +79,7 @@ def _sweep(axes, case: str, rows: list[dict[str, str]], methods: list[str]) -> N
         if row["report"]:
             axes.plot(*place, "o", markersize=13, markerfacecolor="none", markeredgecolor="#222222", zorder=4)
     axes.set(xscale="log", yscale="log", xlabel="seconds per simulated second", ylabel="error")
+    axes.margins(0.1, 0.12)
     top = max([_number(r, "error") for r in fine], default=1.0) * 2.0
     for row in failed:
         colour = COLOURS[methods.index(row["method"]) % len(COLOURS)]
