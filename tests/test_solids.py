@@ -65,8 +65,6 @@ low = [-0.1, -0.05, -0.05]
 high = [0.3, 0.05, 0.2]
 [fluid]
 spacing = "4 mm"
-method = "wcsph"
-expected_speed = "1 m/s"
 [fluid.block.water]
 low = [0.0, -0.02, 0.0]
 high = [0.1, 0.02, 0.032]
@@ -349,6 +347,7 @@ def _busy(path: str) -> dict:
         if world.clock.frame == 4:
             middle = world.save()
             near = held & (x[:, 0] < face + 0.006)
+            dense = world.state["fluid.density"].to_numpy()[: world.state.count[None]][held].max()
             push = (v[near, 0].mean(), piston.motion(world.clock.time - 1e-3, world.clock.time)[0][0])
     end = world.state_hash()
     world.load(middle)
@@ -359,10 +358,10 @@ def _busy(path: str) -> dict:
         "inside": np.array(inside),
         "closed": closed,
         "push": push,
+        "dense": dense,
         "streams": streams,
         "emitted": population.emitted_units() / unit - len(world.scene.water.x),
         "drained": population.drained_units() / unit,
-        "sound": world.config.fluid.params.sound_speed,
         "same": world.state_hash() == end,
         "moved": np.ptp([f.solid_x for f in frames], axis=0).max(1),
         "rates": _rates(world, ti),
@@ -406,6 +405,7 @@ def test_a_piston_pushes_and_lets_nothing_past(busy):
     assert gap.min() > 0.1
     water, piston = busy["push"]
     assert water == pytest.approx(piston, rel=0.15)
+    assert busy["dense"] < 1100.0
 
 
 def test_moving_walls_compress_at_the_rate_that_they_sweep(busy):
@@ -428,10 +428,6 @@ def test_two_streams_and_two_drains_keep_their_books(busy):
     assert busy["emitted"] == sum(total for _, total in busy["streams"])
     most = max(total for _, total in busy["streams"])
     assert most < busy["drained"] <= busy["emitted"]
-
-
-def test_sound_is_ten_times_the_speed_expected(busy):
-    assert busy["sound"] == pytest.approx(10.0)
 
 
 def test_a_moving_scene_goes_on_with_the_same_bits(busy):
@@ -462,9 +458,9 @@ def test_a_dam_breaks_against_a_box():
     seen = spawn(_box, "dam_break_box")
     assert 0.0 < seen["first"] < 0.5
     assert 0.0 < seen["second"] < 0.4
-    assert abs(seen["third"]) < 0.3
+    assert abs(seen["third"]) < 0.4
     assert abs(seen["rise"]) < 0.2
-    assert abs(seen["peak"]) < 1.5
+    assert abs(seen["peak"]) < 1.0
 
 
 def _tray(path: str) -> tuple[np.ndarray, float]:
