@@ -16,6 +16,7 @@ from render.water import Water, shade_water
 from sim.frame import Frame, Static
 
 NO_POINTS, NO_TRIANGLES = np.zeros((1, 3), np.float32), np.zeros((1, 3), np.int32)
+CLEAR = (0.0, 0.0, 0.0)  # [1/m]
 NO_PAIRS = np.zeros((1, 2), np.float32)
 
 
@@ -71,7 +72,7 @@ class Renderer:
         to_sun = (-np.asarray(look.light) / np.linalg.norm(look.light)).astype(np.float32)
         first_solid = self._opaque(frame, look, static, view, glass, to_sun)
         if frame.fluid_x is not None and len(frame.fluid_x):
-            self._water(frame, float(static.spacing), view, glass, to_sun)
+            self._water(frame, static, view, glass, to_sun)
         if self.solids:
             opaque.overlay_walls(
                 view,
@@ -182,8 +183,10 @@ class Renderer:
             arrays = (self.solid_x, clear, first_solid + self.dense, view, glass)
             raster.rasterise(*arrays, raster.strips(clear), self.fronts, self.backs, 1)
 
-    def _water(self, frame: Frame, spacing: float, view, glass, to_sun) -> None:
+    def _water(self, frame: Frame, static: Static, view, glass, to_sun) -> None:
         """Water into self.image, in front of what is there."""
+        spacing = float(static.spacing)
+        absorption = np.float32(CLEAR if static.fluid_absorption is None else static.fluid_absorption)
         if self.water is None:
             self.water = Water(self.size)
         water, light = self.water, self.light
@@ -194,6 +197,7 @@ class Renderer:
             glass,
             to_sun,
             spacing,
+            absorption,
             water.box,
             water.depths,
             water.reach,

@@ -11,7 +11,6 @@ LENS = (0.9, 0.6)  # of a free body's full deflection, alone and merged: its far
 DARK = 0.7  # of the light is lost at the edge of a free body, whose rays go astray
 DEEP = 0.06  # [m]: tint stops growing about here, or a tank would be a block of ink
 SMEAR = 60.0  # [pixels] at most over which a free body's image of what lies far behind is averaged
-ABSORB = (12.0, 3.0, 1.8)  # [1/m]: some thirty times pure water, so that centimetres show the faintest blue-green
 
 
 @ti.func
@@ -89,10 +88,12 @@ def refracted(
     free,
     merged,
     spacing,
+    absorption,
 ):
     """Radiance that comes through the water at p: bent once onto what it rests on, twice if it hangs free in the air.
 
-    straight: opaque colour of this pixel; room: way to that surface [m]; water: water on that way [m].
+    straight: opaque colour of this pixel; room: way to that surface [m]; water: water on that way [m];
+    absorption: of red, green and blue in it [1/m].
     """
     inside = bend(away, normal, 1.0 / INDEX)
     length = ti.min(water, room)
@@ -107,4 +108,4 @@ def refracted(
         known = ti.math.clamp(border / 40.0, 0.0, 1.0) if out.dot(row(view, 2)) > 0.1 else 0.0
         colour += (studio(out, to_sun) - colour) * (1.0 - known) * free
     rim = 1.0 - free * DARK * ti.math.smoothstep(0.75, 0.2, -away.dot(normal))
-    return rim * colour * ti.exp(-ti.Vector(ABSORB) * length / (1.0 + length / DEEP))
+    return rim * colour * ti.exp(-absorption * length / (1.0 + length / DEEP))

@@ -47,6 +47,7 @@ def shade_water(
     lens: VEC3,
     to_sun: VEC3,
     spacing: ti.f32,
+    absorption: VEC3,
     box: BOX,
     depths: DEPTHS,
     reach: DEPTHS,
@@ -93,6 +94,7 @@ def shade_water(
                 free,
                 merged,
                 spacing,
+                absorption,
             )
             focus = gathered(normals, depths, view, y, x, depth / lens[0], room)
             through *= 1.0 + (1.0 - free) * merged * (focus - 1.0)

@@ -30,6 +30,7 @@ class Static:
     cloth_thickness    ()      [m]
     cloth_colour       (3,)    dry, linear RGB in 0..1
     ground_z           ()      height of the horizontal ground [m]; nan without one
+    fluid_absorption   (3,)    of red, green and blue light in the water [1/m]
     """
 
     spacing: np.ndarray
@@ -41,6 +42,7 @@ class Static:
     cloth_triangles: np.ndarray | None = None
     cloth_uv: np.ndarray | None = None
     cloth_thickness: np.ndarray | None = None
+    fluid_absorption: np.ndarray | None = None
 
 
 @dataclass

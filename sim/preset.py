@@ -8,7 +8,10 @@ from typing import Any
 
 def expected_speed(config: Any) -> float:
     """Fastest that this scene can make water or cloth [m/s]: as fluid.expected_speed says, or inflow and moving solids,
-    and a fall through the whole domain."""
+    and a fall through the whole domain.
+
+    Tension draws back the thinnest film there can be, of one spacing, at sqrt(2 gamma/(rho dx)) (Culick 1960).
+    """
     if config.fluid and config.fluid.expected_speed is not None:
         return config.fluid.expected_speed
     speeds = [emitter.speed for emitter in config.emitter.values()]
@@ -16,6 +19,10 @@ def expected_speed(config: Any) -> float:
     speeds += [math.hypot(*solid.slide) for solid in config.solid.values()]
     if config.fluid:
         speeds += [math.hypot(*block.velocity) + block.vortices for block in config.fluid.block.values()]
+        speeds += [math.hypot(*ball.velocity) for ball in config.fluid.ball.values()]
+        if "surface_tension" in config.fluid.terms:
+            liquid = config.fluid.liquid
+            speeds.append(math.sqrt(2.0 * liquid.surface_tension / (liquid.rest_density * config.fluid.spacing)))
     gravity = math.sqrt(sum(g * g for g in config.space.gravity))
     if config.fluid:
         fall = config.space.high[2] - config.space.low[2]

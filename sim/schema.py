@@ -64,6 +64,9 @@ class Liquid(Model):
     rest_density: float = quantity(REQUIRED, "density", gt=0)
     nu: float = quantity(REQUIRED, "kinematic_viscosity", ge=0)
     surface_tension: float = quantity(REQUIRED, "tension", ge=0)
+    absorption: Vector = quantity(
+        (12.0, 3.0, 1.8), "per_length", ge=0, why="of red, green and blue, as drawn: thirty times pure water's"
+    )
 
     @property
     def mu(self) -> float:
@@ -81,6 +84,40 @@ class Block(Model):
 
     _order = model_validator(mode="after")(_low_below_high)
 
+    @property
+    def volume(self) -> float:
+        """Of the box [m^3]."""
+        return math.prod(b - a for a, b in zip(self.low, self.high))
+
+
+class Ball(Model):
+    """[fluid.ball.NAME]: a ball of water that is there at t = 0; stretched, an ellipsoid along the axes."""
+
+    centre: Vector = quantity(REQUIRED, "length")
+    radius: float = quantity(REQUIRED, "length", gt=0)
+    stretch: Vector = quantity((1.0, 1.0, 1.0), gt=0, why="round; its half axes over the radius")
+    velocity: Vector = quantity((0.0, 0.0, 0.0), "speed", why="at rest")
+
+    @property
+    def half_axes(self) -> Vector:
+        """radius times stretch [m]."""
+        return tuple(self.radius * s for s in self.stretch)
+
+    @property
+    def low(self) -> Vector:
+        """Low corner of the box around it [m]."""
+        return tuple(c - a for c, a in zip(self.centre, self.half_axes))
+
+    @property
+    def high(self) -> Vector:
+        """High corner of the box around it [m]."""
+        return tuple(c + a for c, a in zip(self.centre, self.half_axes))
+
+    @property
+    def volume(self) -> float:
+        """4/3 pi times the half axes [m^3]."""
+        return 4.0 / 3.0 * math.pi * math.prod(self.half_axes)
+
 
 class Fluid(Model):
     """[fluid]: smoothed particle hydrodynamics; particle mass is rest_density spacing^3."""
@@ -93,9 +130,10 @@ class Fluid(Model):
     search: str = option("grid", why="linear in the particles")
     terms: tuple[str, ...] = option(("viscosity",), why="compiled in; [] for none")
     expected_speed: float | None = quantity(None, "speed", gt=0, why="absent = by inflow, moving solids and a fall")
-    particles_max: Literal["auto"] | int = quantity("auto", ge=1, le=2**31 - 1, why="rate x time + blocks + 5 %")
+    particles_max: Literal["auto"] | int = quantity("auto", ge=1, le=2**31 - 1, why="rate x time + bodies + 5 %")
     liquid: Liquid
     block: dict[str, Block] = Field(default_factory=dict)
+    ball: dict[str, Ball] = Field(default_factory=dict)
     params: Any = derived()
     term_params: dict[str, Any] = derived({})
 
@@ -105,6 +143,11 @@ class Fluid(Model):
         """Mueller's method has kernels and viscosity of its own."""
         own = {"kernel": "mueller", "terms": ()} if isinstance(table, dict) and table.get("method") == "mueller" else {}
         return {**own, **table} if own else table
+
+    @property
+    def bodies(self) -> tuple[Block | Ball, ...]:
+        """All water that is there at t = 0: blocks, then balls."""
+        return (*self.block.values(), *self.ball.values())
 
     @property
     def support_radius(self) -> float:

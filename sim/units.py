@@ -52,6 +52,7 @@ DIMENSIONS: dict[str, tuple[Dimension, str, str]] = {
     "speed": ((1, 0, -1, 0), "a speed", "0.8 m/s"),
     "acceleration": ((1, 0, -2, 0), "an acceleration", "9.81 m/s^2"),
     "rate": ((0, 0, -1, 0), "a rate", "0.2 1/s"),
+    "per_length": ((-1, 0, 0, 0), "a number per length", "12 1/m"),
     "flow": ((3, 0, -1, 0), "a volume per time", "60 ml/s"),
     "density": ((-3, 1, 0, 0), "a density", "1000 kg/m^3"),
     "area_density": ((-2, 1, 0, 0), "a mass per area", "150 g/m^2"),

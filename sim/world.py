@@ -166,6 +166,7 @@ class World:
             cloth_triangles=np.asarray(sheet.triangles, np.int32) if sheet else None,
             cloth_uv=sheet.uv.astype(np.float32) if sheet else None,
             cloth_thickness=np.float32(sheet.thickness) if sheet else None,
+            fluid_absorption=np.float32(config.fluid.liquid.absorption) if config.fluid else None,
         )
 
     def snapshot(self) -> Frame:

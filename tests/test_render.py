@@ -55,6 +55,7 @@ def sheet(saturation: float, side: float = 0.12, z: float = 0.1, n: int = 9) -> 
 def pour(frame: Frame, static: Static, x: np.ndarray, mass: float = 1000.0 * SPACING**3) -> None:
     """Add water particles."""
     static.spacing = np.float32(SPACING)
+    static.fluid_absorption = np.float32((12.0, 3.0, 1.8))
     frame.fluid_id = np.arange(len(x), dtype=np.int32)
     frame.fluid_x, frame.fluid_v = x.astype(np.float32), np.zeros(x.shape, np.float32)
     frame.fluid_mass = np.full(len(x), mass, np.float32)

@@ -32,8 +32,9 @@ class Motion:
     def stages(self) -> tuple[Stage, ...]:
         """forces and move."""
         changed = ("fluid.v", "fluid.acceleration")
+        reads = tuple(dict.fromkeys([*self.rows, *(row for term in self.terms for row in term.rows)]))
         return (
-            Stage("forces", "accelerate", self.accelerate, self.rows, changed, self._of_terms),
+            Stage("forces", "accelerate", self.accelerate, reads, changed, self._of_terms),
             Stage("move", "move", self.move, ("fluid.x", "fluid.v"), ("fluid.x", "fluid.v"), self._of_speed),
         )
 

@@ -30,8 +30,10 @@ def build_fluid(build: Build) -> list[Stage]:
     search, pressure = method("search", fluid.search), method("fluid.pressure", fluid.method)
     parts = [Population(build), search(build, search.Params()), Pairs(build)]
     Walls(build)
+    # A term acts on pairs within "forces", or by stages of its own, or both.
     terms = tuple(method("fluid.term", name)(build, fluid.term_params.get(name)) for name in fluid.terms)
-    parts.append(pressure(build, fluid.params, terms))
+    parts.append(pressure(build, fluid.params, tuple(term for term in terms if hasattr(term, "acceleration"))))
+    parts += [term for term in terms if hasattr(term, "stages")]
     build.parts["population"].reset()
     return [stage for part in parts for stage in part.stages()]
 

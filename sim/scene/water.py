@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,7 +44,7 @@ class Stream:
 
 @dataclass(frozen=True)
 class Water:
-    """x, v (n, 3) of the blocks; units: mass of a particle [MASS_UNIT]; capacity: particles there can be."""
+    """x, v (n, 3) of the bodies at t = 0; units: mass of a particle [MASS_UNIT]; capacity: particles there can be."""
 
     x: np.ndarray
     v: np.ndarray
@@ -54,14 +55,16 @@ class Water:
 
 
 def build_water(config: Any, solids: Solids) -> Water:
-    """ConfigError for a block thinner than a particle; CapacityError if more water comes than particles_max."""
+    """ConfigError for a body thinner than a particle; CapacityError if more water comes than particles_max."""
     fluid = config.fluid
     dx = fluid.spacing
     units = round(fluid.liquid.rest_density * dx**3 / MASS_UNIT)
-    lattices = [_lattice(name, block, dx) for name, block in fluid.block.items()]
-    lattices = [x[clearance(solids.primitives, x) > CLEARANCE * dx] for x in lattices]
-    speeds = [b.velocity + vortices(x, config.space, b.vortices) for b, x in zip(fluid.block.values(), lattices)]
-    x = np.concatenate(lattices) if lattices else np.zeros((0, 3))
+    bodies = [_lattice(name, block, dx) for name, block in fluid.block.items()]
+    bodies += [_shells(name, ball, dx) for name, ball in fluid.ball.items()]
+    bodies = [x[clearance(solids.primitives, x) > CLEARANCE * dx] for x in bodies]
+    swirls = [block.vortices for block in fluid.block.values()] + [0.0] * len(fluid.ball)
+    speeds = [b.velocity + vortices(x, config.space, s) for b, x, s in zip(fluid.bodies, bodies, swirls)]
+    x = np.concatenate(bodies) if bodies else np.zeros((0, 3))
     v = np.concatenate(speeds) if speeds else np.zeros((0, 3))
     streams = tuple(_stream(emitter, dx, config.run.duration) for emitter in config.emitter.values())
     expected = len(x) + sum(s.emitted(config.run.duration) for s in streams)
@@ -92,6 +95,32 @@ def _lattice(name: str, block: Any, dx: float) -> np.ndarray:
         raise ConfigError(f"fluid.block.{name}: thinner than one spacing of {dx:g} m")
     axes = [a + (np.arange(n) + 0.5) * dx for a, n in zip(block.low, counts)]
     return np.stack(np.meshgrid(*axes[::-1], indexing="ij"), -1).reshape(-1, 3)[:, ::-1].copy()
+
+
+def _shells(name: str, ball: Any, dx: float) -> np.ndarray:
+    """As many particles as the ball has spacings cubed, on shells a spacing apart, each a golden spiral, stretched.
+
+    Round from the start: a lattice's cut corners would ring for a while.
+    """
+    count = round(ball.volume / dx**3)
+    if count < 1:
+        raise ConfigError(f"fluid.ball.{name}: smaller than one particle of {dx:g} m")
+    layers = max(round((count * 3.0 / (4.0 * math.pi)) ** (1.0 / 3.0)), 1)
+    ends = np.round(count * (np.arange(layers + 1) / layers) ** 3).astype(int)
+    shells = [(k + 0.5) / layers * _spiral(n, float(k)) for k, n in enumerate(np.diff(ends))]
+    x = np.concatenate(shells)
+    return (x - x.mean(0)) * np.array(ball.half_axes) + np.array(ball.centre)
+
+
+def _spiral(count: int, turn: float) -> np.ndarray:
+    """Points all over the unit sphere, equally dense; turned by `turn` [rad]. One alone: its middle."""
+    if count == 1:
+        return np.zeros((1, 3))
+    n = np.arange(count)
+    z = 1.0 - (2.0 * n + 1.0) / count
+    angle = n * math.pi * (3.0 - math.sqrt(5.0)) + turn
+    flat = np.sqrt(1.0 - z * z)
+    return np.stack([flat * np.cos(angle), flat * np.sin(angle), z], 1)
 
 
 def _stream(emitter: Any, dx: float, duration: float) -> Stream:
