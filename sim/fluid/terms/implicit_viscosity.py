@@ -25,7 +25,8 @@ class ImplicitViscosity:
     v* has gravity and the pressure of the step before, which is taken out again: honey at rest is not sheared. The
     system, symmetric by mass, is solved by conjugate gradients with each particle's own 3 x 3 block inverted ahead. Its
     forces are central and taken once more from the solution: momentum and spin hold to rounding however far it got.
-    Solids with no_slip hold it (see WallViscosity). A thread turns freely, as the form of Morris 1997 (see viscosity) does not let it; in return nu comes out at 0.85 in
+    Solids with no_slip hold it (see WallViscosity). A thread turns freely, as the form of Morris 1997 (see
+    viscosity) does not let it; in return nu comes out at 0.85 in
     settled liquid at support 2, 0.97 at 3. Bounds no step.
     """
 
