@@ -15,6 +15,8 @@ SCENE = SimpleNamespace(
     solid={},
     fluid=SimpleNamespace(
         block={},
+        ball={},
+        terms=(),
         method="dfsph",
         expected_speed=None,
         params=SimpleNamespace(cfl=0.4),
