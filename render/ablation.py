@@ -12,13 +12,13 @@ from sim.errors import RunError
 
 FAILS, HOLDS, WATER = "#b5532f", "#3b6ea5", "#7fb2d6"
 MEASURES = {
-    "imploding": ("density", "density_bound", "Mean density of the water at its worst [rest density]"),
-    "exploding": ("mean_speed", "speed_bound", "Speed of the water (rms of all) at its worst [m/s]"),
+    "imploding": ("density", "density_bound", "Mean density at its worst [rest density]"),
+    "exploding": ("mean_speed", "speed_bound", "Speed at its worst, rms of all water [m/s]"),
 }
 
 
 def ablation_chart(csv_path: Path, places_path: Path, png_path: Path) -> None:
-    """Where the water ends, as the scene is and all mended; and each cause mended, or left in, alone."""
+    """Where the water is, as the scene has it and all mended; and each cause mended, or left in, alone."""
     rows, places = _read(csv_path), _read(places_path)
     first = rows[0]
     column, bound, label = MEASURES.get(first["failure"], MEASURES["exploding"])
@@ -29,8 +29,7 @@ def ablation_chart(csv_path: Path, places_path: Path, png_path: Path) -> None:
         ends = [[p for p in places if p["run"] == run] for run in ("as it is", "all mended")]
         box = _box(places)
         for k, (end, title) in enumerate(zip(ends, ("As the report had it", "All five mended"))):
-            row = first if k == 0 else next(r for r in rows if r["run"] == "all mended")
-            _side(figure.add_subplot(grid[0, k]), end, box, f"{title}, after {float(row['duration']):.2g} s")
+            _side(figure.add_subplot(grid[0, k]), end, box, f"{title}, at {float(end[0]['time']):.3g} s")
         shared = None
         groups = (("as it is", "mended alone", "As the report had it, and one mended"),
                   ("all mended", "left alone", "All mended, and one left in"))  # fmt: skip
@@ -75,7 +74,14 @@ def _bars(axes, rows: list[dict[str, str]], column: str, bound: float, nothing: 
     axes.barh(places, values, color=colours, height=0.62)
     for place, value, row in zip(places, values, rows):
         words = f"{row['failure']} at {float(row['time']):.3f} s" if row["failure"] else "holds"
-        axes.annotate(words, (value, place), (4, 0), textcoords="offset points", va="center", fontsize=8.5)
+        axes.annotate(
+            words,
+            (max(value, bound) if value > 0.5 * bound else value, place),
+            (4, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8.5,
+        )
     axes.axvline(bound, color="#444444", linewidth=0.9, linestyle="--")
     axes.annotate("no longer physics", (bound, 1.0), (4, -2), xycoords=("data", "axes fraction"),
                   textcoords="offset points", va="top", fontsize=8, color="#444444")  # fmt: skip

@@ -60,8 +60,12 @@ def test_the_verdict_names_what_mattered():
 
 def test_the_page_is_drawn_from_its_tables_alone(tmp_path):
     ablate.write_table(tmp_path / "ablate.csv", ablate.COLUMNS, _rows("sign"))
-    places = [{"run": r, "x": 0.01 * k, "y": 0.0, "z": 0.02} for r in ("as it is", "all mended") for k in range(5)]
-    ablate.write_table(tmp_path / "places.csv", ("run", "x", "y", "z"), places)
+    places = [
+        {"run": r, "time": 0.3, "x": 0.01 * k, "y": 0.0, "z": 0.02}
+        for r in ("as it is", "all mended")
+        for k in range(5)
+    ]
+    ablate.write_table(tmp_path / "places.csv", ablate.PLACES, places)
     ablation_chart(tmp_path / "ablate.csv", tmp_path / "places.csv", tmp_path / "ablate.png")
     assert iio.imread(tmp_path / "ablate.png").std() > 10
     (tmp_path / "ablate.csv").write_text("a,b\n1,2\n")

@@ -291,7 +291,8 @@ def _fails(scene: str, end: float) -> dict:
     """The scene past the guard's first word, as `ablate` runs it."""
     from sim.studies import ablate
 
-    return ablate.measure(open_world(scene, f"run.duration={end}"))
+    figures, _ = ablate.measure(open_world(scene, f"run.duration={end}"))
+    return figures
 
 
 SAID = {

@@ -129,7 +129,7 @@ class Mueller:
                     spread = (
                         self.pairs.scale
                         * self.mass[j]
-                        * viscosity_laplacian((x - self.x[j]).norm(), self.support_radius)
+                        * viscosity_laplacian(self.pairs.apart(x, j).norm(), self.support_radius)
                     )
                     force = mu * spread * (self.v[j] - v) - 0.5 * (own + self.p[j]) * gradient[n]
                     a += share / (rho * self.density[j]) * force

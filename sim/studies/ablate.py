@@ -24,6 +24,9 @@ COLUMNS = (
 the row is about; failure, time [s]: what the guard said first, empty if nothing; max_speed [m/s]: of any particle at
 any frame; mean_speed [m/s] (rms) and density [rho0] (mean): of all water, at the worst frame; the guard's bounds."""
 
+PLACES = ("run", "time", "x", "y", "z")
+"""Of places.csv [s, m], a row each particle, as it is and all mended: at the end, or where an implosion is densest."""
+
 
 class Cause(Model):
     """[cause.NAME]: words for the chart, and what is laid over the scene to be rid of it."""
@@ -83,35 +86,39 @@ def run(scene: str, out: Path, settings: tuple[str, ...] = (), threads: int = 0)
     rows, places = [], []
     for trial in plan:
         with multiprocessing.get_context("spawn").Pool(1) as pool:
-            figures, x = pool.apply(_run, (scene, (*settings, *trial.overrides), threads))
+            figures, (time, x) = pool.apply(_run, (scene, (*settings, *trial.overrides), threads))
         words = study.cause[trial.cause].words if trial.cause else ""
         named = {"run": trial.run, "mended": trial.cause, "words": words, "overrides": " ".join(trial.overrides)}
         rows.append({**named, **figures})
         if not trial.cause:
-            places += [{"run": trial.run, "x": a, "y": b, "z": c} for a, b, c in x]
+            places += [{"run": trial.run, "time": time, "x": a, "y": b, "z": c} for a, b, c in x]
         yield rows[-1]
     out.mkdir(parents=True, exist_ok=True)
     write_table(out / "ablate.csv", COLUMNS, rows)
-    write_table(out / "places.csv", ("run", "x", "y", "z"), places)
+    write_table(out / "places.csv", PLACES, places)
 
 
-def _run(scene: str, overrides: tuple[str, ...], threads: int) -> tuple[dict[str, Any], list]:
-    """The child: figures of one run, and where the water ends."""
+def _run(scene: str, overrides: tuple[str, ...], threads: int) -> tuple[dict[str, Any], tuple[float, list]]:
+    """The child: what `measure` finds."""
     from sim import runtime
     from sim.world import World
 
     conf = config.load(scene, overrides)
     runtime.start(conf.run.arch, threads or conf.run.threads or None, conf.run.precision)
     world = World(conf)
-    answer = measure(world), _positions(world)
+    answer = measure(world)
     runtime.stop()
     return answer
 
 
-def measure(world: Any) -> dict[str, Any]:
-    """Run to the end, past the guard's first word (not past a NaN or a starving step), and keep the worst."""
+def measure(world: Any) -> tuple[dict[str, Any], tuple[float, list]]:
+    """Run to the end, past the guard's first word (not past a NaN or a starving step), and keep the worst.
+
+    Figures as in COLUMNS; a time and the places (n, 3) of the water then, as in PLACES.
+    """
     figures = dict.fromkeys(("max_speed", "mean_speed", "density"), 0.0)
     first: tuple[str, float, str] = ("", math.nan, "")
+    densest = _places(world)
     ended = False
     while world.frame_index < world.frame_count and not ended:
         try:
@@ -123,10 +130,11 @@ def measure(world: Any) -> dict[str, Any]:
         if not ended:
             row = world.ledger_row()
             now = (row["max_speed"], math.sqrt(2.0 * row["kinetic_energy"] / row["free"]), _density(world))
+            densest = _places(world) if now[2] > figures["density"] else densest
             figures = {name: max(worst, value) for (name, worst), value in zip(figures.items(), now)}
     figures |= {"failure": first[0], "time": first[1], "message": first[2], "duration": world.clock.time}
-    speed = guard.HEATED * guard.expected_speed(world.config)
-    return {**figures, "speed_bound": speed, "density_bound": guard.IMPLODING}
+    figures |= {"speed_bound": guard.HEATED * guard.expected_speed(world.config), "density_bound": guard.IMPLODING}
+    return figures, densest if first[0] == "imploding" else _places(world)
 
 
 def _density(world: Any) -> float:
@@ -135,8 +143,8 @@ def _density(world: Any) -> float:
     return float(density.mean()) / world.config.fluid.liquid.rest_density
 
 
-def _positions(world: Any) -> list:
-    return world.state["fluid.x"].to_numpy()[: world.state.count[None]].tolist()
+def _places(world: Any) -> tuple[float, list]:
+    return world.clock.time, world.state["fluid.x"].to_numpy()[: world.state.count[None]].tolist()
 
 
 def write_table(path: Path, columns: tuple[str, ...], rows: list[dict[str, Any]]) -> None:
