@@ -1,0 +1,48 @@
+"""Vortices in a periodic square, which die of viscosity alone."""
+
+import math
+
+import numpy as np
+
+from sim.scene.water import vortices
+from sim.studies.case import Case, Point
+from sim.studies.probe import row
+
+STIRRED, STILLED = 0.4, 0.1
+"""[s] The lattice is broken up by the flow itself, then comes to rest: a start from a lattice loses half of the energy
+while it breaks, and that is no viscosity."""
+SETTLED, GRADED = 0.05, 0.3
+"""[s] After the vortices are set anew: the rate is taken between these."""
+
+
+def measure(world) -> dict[str, float]:
+    """rate: -d ln E/dt of the kinetic energy [1/s]; error: over 16 pi^2 nu/L^2, less 1; left: amplitude at the end."""
+    space, nu = world.config.space, world.config.fluid.liquid.nu
+    speed = world.config.fluid.block["all"].vortices
+    _run(world, STIRRED)
+    _set(world, 0.0)
+    _run(world, STIRRED + STILLED)
+    _set(world, speed)
+    begin = world.clock.time
+    times, energies = [], []
+    while world.clock.time < begin + GRADED - 1e-9:
+        world.step()
+        times.append(world.clock.time - begin)
+        energies.append(0.5 * (row(world, "mass")[:, None] * row(world, "v") ** 2).sum())
+    times, energies = np.array(times), np.array(energies)
+    late = times >= SETTLED
+    rate = -np.polyfit(times[late], np.log(energies[late]), 1)[0]
+    exact = 16.0 * math.pi**2 * nu / (space.high[0] - space.low[0]) ** 2
+    return {"error": rate / exact - 1.0, "rate": rate, "density_spread": row(world, "density").std() / 1000.0}
+
+
+def _run(world, end: float) -> None:
+    while world.clock.time < end - 1e-9:
+        world.step()
+
+
+def _set(world, speed: float) -> None:
+    """The vortices' velocity at every particle."""
+    v = world.state["fluid.v"].to_numpy()
+    v[: world.state.count[None]] = vortices(row(world, "x"), world.config.space, speed)
+    world.state["fluid.v"].from_numpy(v)
