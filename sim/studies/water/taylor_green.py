@@ -16,7 +16,7 @@ SETTLED, GRADED = 0.05, 0.3
 
 
 def measure(world) -> dict[str, float]:
-    """rate: -d ln E/dt of the kinetic energy [1/s]; error: over 16 pi^2 nu/L^2, less 1; density_spread: std over mean."""
+    """rate: -d ln E/dt [1/s]; error: over 16 pi^2 nu/L^2, less 1; density_spread: its std over mean."""
     space, nu = world.config.space, world.config.fluid.liquid.nu
     speed = world.config.fluid.block["all"].vortices
     _run(world, STIRRED)
