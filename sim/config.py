@@ -42,7 +42,7 @@ CHOICES = (
     Choice("cloth", "method", "cloth.solver", "params"),
     Choice("cloth", "bending", "cloth.bending", "bending_params"),
     Choice("coupling", "contact", "coupling.contact", "params"),
-    Choice("coupling", "search", "search", None),
+    Choice("coupling", "search", "search.boxes", None),
     Choice("wetting", "processes", "wetting", "params"),
 )
 """Every choice of a method in a scene."""

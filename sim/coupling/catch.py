@@ -5,6 +5,7 @@ import taichi.math as tm
 
 from sim import runtime
 from sim.maths.ccd import first_hit
+from sim.search.boxes import overlap
 
 PASSES = 8
 CLEARANCE = 0.05
@@ -42,7 +43,7 @@ class Catch:
     def run(self, dt: float) -> None:
         """Find who crossed, and put them back."""
         self.sheet.bound_sweep(1e-6)
-        self.boxes.build(self.sheet.low, self.sheet.high)
+        self.boxes.refit(self.sheet.low, self.sheet.high)
         self._find()
         self._put_back()
 
@@ -59,13 +60,12 @@ class Catch:
         found = -1
         weights = tm.vec3(0.0)
         best = ti.cast(2.0, ti.f64)
-        first, last = self.boxes.window(low, high)
-        for a, b, c in ti.ndrange((first[0], last[0] + 1), (first[1], last[1] + 1), (first[2], last[2] + 1)):
-            cell = self.boxes.flat(a, b, c)
-            for s in range(self.boxes.start[cell], self.boxes.start[cell + 1]):
+        walk = self.boxes.begin(low, high)
+        while walk[0] < walk[1]:
+            walk, first, last = self.boxes.next(walk, low, high)
+            for s in range(first, last):
                 p = self.boxes.slots[s]
-                apart = ti.max(self.sheet.low[p] - high, low - self.sheet.high[p])
-                if apart.max() <= 0.0:
+                if overlap(low, high, self.sheet.low[p], self.sheet.high[p]):
                     for t in range(2 * p, 2 * p + 2):
                         a0, b0, c0 = self.sheet.points_before(t)
                         a1, b1, c1 = self.sheet.points(t)

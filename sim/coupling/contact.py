@@ -32,7 +32,7 @@ class Contact:
         reach = config.fluid.support * config.fluid.spacing
         search = method("search.boxes", config.coupling.search)
         self.sheet = SheetGeometry(build, reach)
-        self.boxes = search(self.sheet.patch_count, 2.0 * max(config.cloth.spacing, reach))
+        self.boxes = search(self.sheet.patch_count)
         self.sides = Sides(build, self.sheet, self.boxes, reach)
         self.layer = Layer(build, self.sheet)
         self.catch = Catch(build, self.sheet, self.boxes)

@@ -20,7 +20,7 @@ class Sides:
     def run(self, dt: float) -> None:
         """Find sides on the positions that the pair list belongs to, then cut."""
         self.sheet.begin(self.reach)
-        self.boxes.build(self.sheet.low, self.sheet.high)
+        self.boxes.refit(self.sheet.low, self.sheet.high)
         self._find()
         self._cut(self.pairs.neighbour, self.pairs.weight, self.pairs.gradient)
 
@@ -31,10 +31,10 @@ class Sides:
             best, nearest, weights = self.reach * self.reach, -1, tm.vec3(0.0)
             if 0 <= self.triangle[i]:
                 best, nearest, weights = self._nearer(x, self.triangle[i], best, nearest, weights)
-            first, last = self.boxes.window(x, x)
-            for a, b, c in ti.ndrange((first[0], last[0] + 1), (first[1], last[1] + 1), (first[2], last[2] + 1)):
-                cell = self.boxes.flat(a, b, c)
-                for s in range(self.boxes.start[cell], self.boxes.start[cell + 1]):
+            walk = self.boxes.begin(x, x)
+            while walk[0] < walk[1]:
+                walk, first, last = self.boxes.next(walk, x, x)
+                for s in range(first, last):
                     p = self.boxes.slots[s]
                     outside = ti.max(self.sheet.low[p] + self.reach - x, x - self.sheet.high[p] + self.reach, 0.0)
                     if outside.dot(outside) <= best:
@@ -108,10 +108,11 @@ class Sides:
     def crosses(self, x, y):
         """Does the segment x-y pass through the sheet as it stands? For points within the boxes last built."""
         found = False
-        first, last = self.boxes.window(ti.min(x, y), ti.max(x, y))
-        for a, b, c in ti.ndrange((first[0], last[0] + 1), (first[1], last[1] + 1), (first[2], last[2] + 1)):
-            cell = self.boxes.flat(a, b, c)
-            for s in range(self.boxes.start[cell], self.boxes.start[cell + 1]):
+        low, high = ti.min(x, y), ti.max(x, y)
+        walk = self.boxes.begin(low, high)
+        while walk[0] < walk[1] and not found:
+            walk, first, last = self.boxes.next(walk, low, high)
+            for s in range(first, last):
                 p = self.boxes.slots[s]
                 for t in range(2 * p, 2 * p + 2):
                     if not found:

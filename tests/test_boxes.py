@@ -1,0 +1,103 @@
+"""Searches over boxes: the lists of all are those that NumPy finds, on awkward inputs and after the boxes moved."""
+
+import numpy as np
+import pytest
+
+from tests.spawned import spawn
+
+BOXES, QUERIES = 700, 900
+"""Each input is padded to this size by boxes and queries far away, so that one compiled kernel serves all."""
+SEARCHES = ("brute", "grid")
+
+
+def _inputs() -> dict[str, tuple[np.ndarray, ...]]:
+    """By name: low and high of boxes, low and high of queries, each (n, 3) f32."""
+    random = np.random.default_rng(5)
+
+    def around(centre, half):
+        return (centre - half).astype(np.float32), (centre + half).astype(np.float32)
+
+    def spread(n, size=1.0):
+        return random.uniform(-size, size, (n, 3))
+
+    u = np.stack(np.meshgrid(np.arange(25.0), np.arange(25.0), [0.0], indexing="ij"), -1).reshape(-1, 3) / 12.0 - 1.0
+    sheet = u + [[0.0, 0.0, 0.2]] * np.sin(4.0 * u[:, :1])
+    crumpled = random.normal(0.0, 0.05, (600, 3))
+    far = np.where(np.arange(600)[:, None] == 0, 1e4, spread(600))
+    path = spread(600)
+    return {
+        "random": (*around(spread(600), random.uniform(0.0, 0.1, (600, 3))), *around(spread(800), 0.02)),
+        "sheet": (*around(sheet, [0.05, 0.05, 0.01]), *around(spread(800), 0.0)),
+        "clustered": (*around(crumpled, 0.01), *around(random.normal(0.0, 0.05, (800, 3)), 0.005)),
+        "coincident": (*around(np.zeros((300, 3)), 0.1), *around(np.zeros((300, 3)), 0.0)),
+        "points": (*around(np.zeros((300, 3)), 0.0), *around(np.repeat(spread(2, 0.01), 20, 0), 0.02)),
+        "flat": (*around(spread(600) * [1, 1, 0], [0.05, 0.05, 0.0]), *around(spread(800) * [1, 1, 0], 0.0)),
+        "line": (*around(spread(600) * [1, 0, 0], 0.0), *around(spread(800) * [1, 0, 0], 0.01)),
+        "touching": (*around(u, 1.0 / 24.0), *around(u, 1.0 / 24.0)),
+        "one far off": (*around(far, 0.03), *around(spread(800), 0.03)),
+        "fast": (*around(sheet, 0.05), np.minimum(path, path[::-1]), np.maximum(path, path[::-1])),
+        "large and small": (*around(spread(600), 10.0 ** random.uniform(-6, 0, (600, 1))), *around(spread(800), 0.01)),
+        "single": (*around(np.zeros((1, 3)), 0.5), *around(spread(800), 0.0)),
+        "empty": (*around(np.zeros((0, 3)), 0.0), *around(spread(800), 0.1)),
+        "nothing asked": (*around(spread(600), 0.1), *around(np.zeros((0, 3)), 0.0)),
+    }
+
+
+def _expected(low, high, query_low, query_high) -> list[np.ndarray]:
+    near = (query_low[:, None] <= high[None]).all(-1) & (low[None] <= query_high[:, None]).all(-1)
+    return [np.flatnonzero(row) for row in near]
+
+
+def _moved(low, high) -> tuple[np.ndarray, np.ndarray]:
+    """Sheared, as a sheet that swings; order kept."""
+    shift = (0.6 * low[:, [1, 2, 0]] + [0.3, 0.0, -0.1]).astype(np.float32)
+    return low + shift, high + shift
+
+
+def _listed() -> dict[tuple[str, str], list[list[np.ndarray]]]:
+    """By input and search: rows after a build, and after a refit to boxes that moved."""
+    import taichi as ti
+
+    from sim import registry, runtime
+    from sim.search.candidates import Candidates
+
+    runtime.start(threads=2)
+    registry.discover()
+    found = {}
+    for name in SEARCHES:
+        for size in (BOXES, 1, 0):
+            fields = [ti.Vector.field(3, float, shape=max(n, 1)) for n in (size, size, QUERIES, QUERIES)]
+            boxes = registry.method("search.boxes", name)(size)
+            candidates = Candidates(boxes, *fields[:2], QUERIES)
+            for case, (low, high, *queries) in _inputs().items():
+                if (size if size < 2 else BOXES) != (len(low) if len(low) < 2 else BOXES):
+                    continue
+                rows = []
+                for turn, (a, b) in enumerate(((low, high), _moved(low, high))):
+                    for field, values in zip(fields, (a, b, *queries)):
+                        padded = np.full((field.shape[0], 3), 3.0, np.float32)
+                        padded[: len(values)] = values
+                        field.from_numpy(padded)
+                    (boxes.refit if turn else boxes.build)(*fields[:2])
+                    candidates.find(*fields[2:], len(queries[0]))
+                    start, stop, listed = (
+                        f.to_numpy() for f in (candidates.list.start, candidates.list.stop, candidates.list.neighbour)
+                    )
+                    rows.append([listed[s:e].copy() for s, e in zip(start, stop)][: len(queries[0])])
+                found[case, name] = rows
+    return found
+
+
+@pytest.fixture(scope="module")
+def listed():
+    return spawn(_listed)
+
+
+@pytest.mark.parametrize("search", SEARCHES)
+@pytest.mark.parametrize("case", list(_inputs()))
+def test_lists_are_those_of_numpy(listed, case, search):
+    low, high, *queries = _inputs()[case]
+    for rows, boxes in zip(listed[case, search], ((low, high), _moved(low, high))):
+        expected = _expected(*boxes, *queries)
+        assert len(rows) == len(expected)
+        assert all(np.array_equal(a, b) for a, b in zip(rows, expected))
