@@ -33,7 +33,7 @@ def start(arch: str = "cpu", threads: int | None = None, precision: str = "f32",
     A second start in the same process is refused: fields of the first would dangle (a segfault, not an error).
     """
     global _started
-    threads = threads or os.cpu_count() or 1
+    threads = threads or cores()
     wanted = {"arch": arch, "threads": threads, "precision": precision, "debug": debug}
     if _started is not None:
         raise RunError(f"Taichi already runs with {_started}; one World a process")
@@ -74,6 +74,16 @@ def stop() -> None:
     """End Taichi, which writes the compiled kernels to the cache; left to the interpreter's end, it may not."""
     if _started is not None:
         ti.reset()
+
+
+def cores() -> int:
+    """Processors that this process may use: not all that there are, where it is tied to some or given a share."""
+    tied = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    try:
+        share, period = Path("/sys/fs/cgroup/cpu.max").read_text().split()
+        return max(1, min(tied, round(int(share) / int(period))))
+    except (OSError, ValueError):  # no such file, or "max"
+        return tied
 
 
 def few(turns: int) -> bool:

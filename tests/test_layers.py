@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LAYERS = (
     ("constants", "errors", "maths", "units"),
     ("model", "toml", "state", "frame", "registry", "runtime"),
-    ("stage", "shapes"),
+    ("stage", "shapes", "crew"),
     ("schema",),
     ("explain",),
     ("fit", "preset"),

@@ -2,17 +2,12 @@
 
 import taichi as ti
 
-from sim import runtime
 from sim.fluid.motion import Motion
 from sim.fluid.projection import Projection
 from sim.registry import register
 from sim.schema import Model, option, quantity
 from sim.stage import Build, Stage
 from sim.state import Row
-
-FINEST, COARSEST = 2e-6, 1e-3
-"""[1] No mean residual of the velocity is asked to be below this, which is all that single precision knows, nor allowed
-to be above that."""
 
 
 @register("fluid.pressure", "dfsph")
@@ -55,7 +50,6 @@ class Dfsph:
         self.rest_density = build.config.fluid.liquid.rest_density
         self.motion = Motion(build, terms, params.cfl, way=self.u)
         self.projection = Projection(self)
-        self.few = runtime.few(build.state.sizes["fluid"])
         self.iterations = {"velocity": 0, "way": 0}
         build.parts["pressure"] = self
 
@@ -76,13 +70,7 @@ class Dfsph:
 
     def solve(self, dt: float) -> None:
         """Velocity, then way."""
-        p = self.params
-        share = p.divergence_error * self.projection.demand(dt)
-        self.iterations["velocity"] = self.projection.solve(
-            self.kappa, dt, min(max(share, FINEST), COARSEST), p.iterations_max, 0.0
-        )
-        self._take(dt)
-        self.iterations["way"] = self.projection.solve(self.kappa_way, dt, p.density_error, p.iterations_max, 1.0)
+        self.iterations["velocity"], self.iterations["way"] = self.projection.solve(dt)
 
     @ti.func
     def pressure(self, i):
@@ -102,13 +90,11 @@ class Dfsph:
             self.density[i] = rho + self.walls.meet(i)
             self.diagonal[i] = (total + self.walls.gradient[i]).norm_sqr() + m * spread
 
-    @ti.kernel
-    def _take(self, dt: float):
+    @ti.func
+    def take(self, i, dt):
         """v from the solve; walls rub where they pushed."""
-        ti.loop_config(serialize=self.few)
-        for i in range(self.state.count[None]):
-            u = self.u[i]
-            self.pressure_acceleration[i] = (u - self.v[i]) / dt
-            if ti.static(self.walls.rough):
-                u = self.walls.slow(i, u, dt * self.kappa[i] * self.walls.gradient[i].norm())
-            self.v[i] = u
+        u = self.u[i]
+        self.pressure_acceleration[i] = (u - self.v[i]) / dt
+        if ti.static(self.walls.rough):
+            u = self.walls.slow(i, u, dt * self.kappa[i] * self.walls.gradient[i].norm())
+        self.v[i] = u

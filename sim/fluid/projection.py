@@ -1,14 +1,13 @@
-"""The solve for kappa = p/rho^2 >= 0 by accelerated Jacobi iteration, over pairs kept in one list."""
+"""The solves for kappa = p/rho^2 >= 0 by accelerated Jacobi iteration, over pairs kept in one list."""
 
 import taichi as ti
 
-from sim import runtime
+from sim.crew import BLOCK, Crew, block_count
 from sim.maths.kernels import largest_eigenvalue
 from sim.runtime import TURNS
 
-BLOCK = 1024
-"""Particles in one partial sum. Sums over blocks in order, then over the blocks in order, have the same bits on any
-number of threads."""
+DEMAND, BEGIN, PUSH, RELAX, TAKE = range(5)
+"""Phases of the work: see Projection."""
 WORST = 0.03
 """[1] No particle may be left with more than this to correct: two drops that met are nothing in the mean, and go on
 overlapping."""
@@ -18,6 +17,9 @@ SHORTEST = 0.1
 """[1] Of the lattice's step: four halvings."""
 SAFETY = 0.6
 """Of Jacobi's largest step on the lattice (0.46 at support 2): disordered water and surfaces bear a little less."""
+FINEST, COARSEST = 2e-6, 1e-3
+"""[1] No mean residual of the velocity is asked to be below this, which is all that single precision knows, nor allowed
+to be above that."""
 
 
 @ti.data_oriented
@@ -25,59 +27,154 @@ class Projection:
     """Finds kappa with  D rho_i(u) <= (rho0 - rho_i)/dt,  u = v + dt a(kappa),  kappa_i >= 0, one of them equal.
 
     Projected Jacobi, run ahead by Nesterov's momentum, which starts anew where it points against the residual
-    (O'Donoghue & Candes 2015): half of Jacobi's iterations at a tolerance of 1e-4.
-    owner: has rows v, u, guess, density, diagonal, and the pairs and walls; u is left at the solution.
+    (O'Donoghue & Candes 2015): half of Jacobi's iterations at a tolerance of 1e-4. Twice a step, see Dfsph:
+
+        DEMAND, BEGIN, (PUSH, RELAX) ..., TAKE     of the velocity
+                BEGIN, (PUSH, RELAX) ...           of the way
+
+    Where particles clump (light ones, soaked half away), the lattice's step is too long and the residual grows: then
+    a solve starts anew from no pressure at all, with half the step.
+    owner: has rows v, u, kappa, kappa_way, guess, density, diagonal, its params, and the pairs and walls; u is left at
+    the way, v at the velocity.
     """
 
     def __init__(self, owner):
         self.o = owner
         self.pairs = owner.pairs
-        capacity = owner.state.sizes["fluid"]
+        self.crew = Crew()
         self.relaxation = SAFETY * 2.0 / largest_eigenvalue(self.pairs.kernel, owner.support)
-        self.few = runtime.few(capacity)
-        self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-capacity // BLOCK), 1))
+        self.warm = owner.params.warm_start
+        self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-owner.state.sizes["fluid"] // BLOCK), 1))
+        self.phase, self.way, self.fresh, self.age = (ti.field(ti.i32, ()) for _ in range(4))
+        self.iterations = ti.field(ti.i32, 2)
+        self.step, self.tolerance, self.first = (ti.field(ti.f64, ()) for _ in range(3))
 
-    def solve(self, kappa, dt: float, tolerance: float, iterations_max: int, correct: float) -> int:
-        """Iterations taken. tolerance: mean |change of density in dt| left, over rho0. correct: 1 takes density errors
-        back, 0 stops compression alone (see Dfsph).
-
-        Where particles clump (light ones, soaked half away), the lattice's step is too long and the residual grows:
-        then it starts anew from no pressure at all, with half the step.
-        """
-        if not self.o.params.warm_start:
-            kappa.fill(0.0)
-        self._begin(kappa)
-        age = iteration = 0
-        left = worst = first = float("inf")
-        step = self.relaxation
-        while (left > tolerance or worst > WORST) and iteration < iterations_max:
-            self._push(dt, self.pairs.neighbour, self.pairs.gradient)
-            left, turned, worst = self._relax(
-                kappa, dt, correct, step, age / (age + 3.0), self.pairs.neighbour, self.pairs.gradient
-            )
-            first = min(first, max(left, tolerance))
-            age = 0 if turned > 0.0 else age + 1
-            iteration += 1
-            if not left <= GROWTH * first and step > SHORTEST * self.relaxation:
-                kappa.fill(0.0)
-                self._begin(kappa)
-                step, age, first = 0.5 * step, 0, float("inf")
-        return iteration
-
-    def demand(self, dt: float) -> float:
-        """Mean over particles of the compression that v would bring within dt [1]."""
-        return self._demand(dt, self.pairs.neighbour, self.pairs.gradient)[0]
+    def solve(self, dt: float) -> tuple[int, int]:
+        """Iterations taken, of the velocity and of the way."""
+        p = self.o.params
+        bounds = (p.divergence_error, p.density_error, p.iterations_max)
+        self._muster()
+        more = self._work(dt, *bounds, self.pairs.neighbour, self.pairs.gradient)
+        while more:
+            more = self._work(dt, *bounds, self.pairs.neighbour, self.pairs.gradient)
+        return self.iterations[0], self.iterations[1]
 
     @ti.kernel
-    def _demand(self, dt: float, neighbour: ti.template(), gradient: ti.template()) -> ti.types.vector(3, ti.f64):
+    def _muster(self):
+        self.phase[None], self.way[None] = DEMAND, 0
+        self.crew.muster()
+
+    @ti.kernel
+    def _work(
+        self,
+        dt: float,
+        share: float,
+        density_error: float,
+        iterations_max: int,
+        neighbour: ti.template(),
+        gradient: ti.template(),
+    ) -> ti.i32:
+        """All phases, or one where there is no crew; whether there are more."""
+        blocks = block_count(self.o.state.count[None])
+        if ti.static(self.crew.awake):
+            for turn in range(self.crew.turns):
+                if turn % TURNS == 0:
+                    block = 0
+                    while block >= 0:
+                        block = self.crew.take(blocks)
+                        if block >= 0:
+                            self._block(block, dt, neighbour, gradient)
+                            if self.crew.last(blocks):
+                                self._decide(share, density_error, iterations_max)
+                                self.crew.open()
+        else:
+            for block in range(blocks):
+                self._block(block, dt, neighbour, gradient)
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                self._decide(share, density_error, iterations_max)
+        return 1 - self.crew.over[None]
+
+    @ti.func
+    def _block(self, block, dt, neighbour: ti.template(), gradient: ti.template()):
+        """A block's share of the phase."""
+        phase, way = self.phase[None], self.way[None]
+        total, worst = ti.Vector([0.0, 0.0]), 0.0
+        for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, self.o.state.count[None])):
+            if phase == PUSH:
+                self._push(i, dt, neighbour, gradient)
+            elif phase == RELAX:
+                one = self._relax(i, way, dt, neighbour, gradient)
+                total += one
+                worst = ti.max(worst, one[0])
+            elif phase == DEMAND:
+                rate = ti.max(self._rate(self.o.v, i, neighbour, gradient), 0.0)
+                total[0] += rate * dt / self.o.rest_density
+            elif phase == TAKE:
+                self.o.take(i, dt)
+            else:
+                self._begin(i, way)
+        self.partial[block] = ti.Vector([total[0], total[1], worst])
+
+    @ti.func
+    def _decide(self, share, density_error, iterations_max):
+        """After a phase, by one thread: what comes next."""
+        phase, way = self.phase[None], self.way[None]
+        if phase == DEMAND:
+            asked = share * self._mean()[0]
+            self.tolerance[None] = ti.math.clamp(asked, ti.f64(FINEST), ti.f64(COARSEST))
+            self._enter(0)
+        elif phase == TAKE:
+            self.tolerance[None] = density_error
+            self._enter(1)
+        elif phase == BEGIN:
+            self.phase[None] = PUSH
+        elif phase == PUSH:
+            self.phase[None] = RELAX
+        elif self._again(way, iterations_max):
+            pass
+        elif way == 0:
+            self.phase[None] = TAKE
+        else:
+            self.crew.dismiss()
+
+    @ti.func
+    def _enter(self, way):
+        """Begin a solve."""
+        self.way[None], self.iterations[way] = way, 0
+        self._start(self.relaxation, 0 if ti.static(self.warm) else 1)
+
+    @ti.func
+    def _start(self, step, fresh):
+        """From the last pressure, or `fresh` from none."""
+        self.phase[None], self.age[None], self.fresh[None] = BEGIN, 0, fresh
+        self.step[None], self.first[None] = step, 1e30
+
+    @ti.func
+    def _again(self, way, iterations_max):
+        """After an iteration: whether another follows, and how it begins."""
+        left, turned, worst = self._mean()
+        self.iterations[way] += 1
+        self.first[None] = ti.min(self.first[None], ti.max(left, self.tolerance[None]))
+        self.age[None] = 0 if turned > 0.0 else self.age[None] + 1
+        more = left > self.tolerance[None] or worst > WORST or ti.math.isnan(left)
+        more = more and self.iterations[way] < iterations_max
+        if more:
+            self.phase[None] = PUSH
+            if not left <= GROWTH * self.first[None] and self.step[None] > SHORTEST * self.relaxation:
+                self._start(0.5 * self.step[None], 1)
+        return more
+
+    @ti.func
+    def _mean(self):
+        """Over particles, of the first two partial sums; the largest third."""
         count = self.o.state.count[None]
-        for turn in range((count + BLOCK - 1) // BLOCK * TURNS):
-            if turn % TURNS == 0:
-                total = 0.0
-                for i in range(turn // TURNS * BLOCK, ti.min((turn // TURNS + 1) * BLOCK, count)):
-                    total += ti.max(self._rate(self.o.v, i, neighbour, gradient), 0.0) * dt / self.o.rest_density
-                self.partial[turn // TURNS] = ti.Vector([total, 0.0, 0.0])
-        return self._mean(count)
+        left, worst = ti.Vector([0.0, 0.0], ti.f64), ti.f64(0.0)
+        for block in range((count + BLOCK - 1) // BLOCK):
+            left += self.partial[block].xy
+            worst = ti.max(worst, self.partial[block][2])
+        left /= ti.max(count, 1)
+        return ti.Vector([left[0], left[1], worst])
 
     @ti.func
     def _rate(self, u: ti.template(), i, neighbour: ti.template(), gradient: ti.template()):
@@ -89,82 +186,49 @@ class Projection:
         return rate
 
     @ti.func
-    def _mean(self, count):
-        """Over particles, of the first two partial sums; the largest third."""
-        left, worst = ti.Vector([0.0, 0.0], ti.f64), ti.f64(0.0)
-        ti.loop_config(serialize=True)
-        for block in range((count + BLOCK - 1) // BLOCK):
-            left += self.partial[block].xy
-            worst = ti.max(worst, self.partial[block][2])
-        left /= ti.max(count, 1)
-        return ti.Vector([left[0], left[1], worst])
+    def _kappa(self, i, way):
+        found = self.o.kappa[i]
+        if way == 1:
+            found = self.o.kappa_way[i]
+        return found
 
-    @ti.kernel
-    def _begin(self, kappa: ti.template()):
-        ti.loop_config(serialize=self.few)
-        for i in range(self.o.state.count[None]):
-            self.o.guess[i] = kappa[i]
+    @ti.func
+    def _keep(self, i, way, kappa):
+        if way == 1:
+            self.o.kappa_way[i] = kappa
+        else:
+            self.o.kappa[i] = kappa
 
-    @ti.kernel
-    def _push(self, dt: float, neighbour: ti.template(), gradient: ti.template()):
+    @ti.func
+    def _begin(self, i, way):
+        if self.fresh[None]:
+            self._keep(i, way, 0.0)
+        self.o.guess[i] = self._kappa(i, way)
+
+    @ti.func
+    def _push(self, i, dt, neighbour: ti.template(), gradient: ti.template()):
         """u = v + dt a,  a_i = -sum_j m_j (kappa_i + kappa_j) grad W_ij - kappa_i rho0 grad lambda_i."""
-        for i in range(self.o.state.count[None]):
-            own = self.o.guess[i]
-            a = own * self.o.walls.gradient[i]
-            for k in range(self.pairs.start[i], self.pairs.stop[i]):
-                a += (own + self.o.guess[neighbour[k]]) * gradient[k]
-            self.o.u[i] = self.o.v[i] - dt * a
-
-    @ti.kernel
-    def _relax(
-        self,
-        kappa: ti.template(),
-        dt: float,
-        correct: float,
-        step: float,
-        momentum: float,
-        neighbour: ti.template(),
-        gradient: ti.template(),
-    ) -> ti.types.vector(3, ti.f64):
-        """One step of kappa. Of |change of density in dt| that it still corrects over rho0: the mean, and last the
-        largest; between them the mean of momentum's turn."""
-        count = self.o.state.count[None]
-        for turn in range((count + BLOCK - 1) // BLOCK * TURNS):
-            if turn % TURNS == 0:
-                self._relax_block(kappa, turn // TURNS, dt, correct, step, momentum, neighbour, gradient)
-        return self._mean(count)
+        own = self.o.guess[i]
+        a = own * self.o.walls.gradient[i]
+        for k in range(self.pairs.start[i], self.pairs.stop[i]):
+            a += (own + self.o.guess[neighbour[k]]) * gradient[k]
+        self.o.u[i] = self.o.v[i] - dt * a
 
     @ti.func
-    def _relax_block(
-        self,
-        kappa: ti.template(),
-        block,
-        dt,
-        correct,
-        step,
-        momentum,
-        neighbour: ti.template(),
-        gradient: ti.template(),
-    ):
-        count = self.o.state.count[None]
-        total, worst = ti.Vector([0.0, 0.0]), 0.0
-        for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
-            rate = self._rate(self.o.u, i, neighbour, gradient)
-            one = self._step(kappa, i, rate, dt, correct, step, momentum)
-            total += one
-            worst = ti.max(worst, one[0])
-        self.partial[block] = ti.Vector([total[0], total[1], worst])
+    def _relax(self, i, way, dt, neighbour: ti.template(), gradient: ti.template()):
+        """kappa_i by its residual rate - (rho0 - rho)/dt; |what that corrects| dt/rho0, and momentum's turn.
 
-    @ti.func
-    def _step(self, kappa: ti.template(), i, rate, dt, correct, step, momentum):
-        """Relax kappa_i by its residual rate - (rho0 - rho)/dt; |what that corrects| dt/rho0, and momentum's turn."""
+        The way takes density errors back; the velocity stops compression alone.
+        """
+        rate = self._rate(self.o.u, i, neighbour, gradient)
         rho0, diagonal = self.o.rest_density, ti.max(self.o.diagonal[i], 1e-20)
         lack = (rho0 - self.o.density[i]) / dt
-        if correct == 0.0:
+        if way == 0:
             lack = ti.max(lack, 0.0)
-        old, guess = kappa[i], self.o.guess[i]
+        step, age = ti.cast(self.step[None], float), ti.cast(self.age[None], float)
+        old, guess = self._kappa(i, way), self.o.guess[i]
         new = ti.max(guess + step * (rate - lack) / (dt * diagonal), 0.0)
-        kappa[i] = new
-        self.o.guess[i] = ti.max(new + momentum * (new - old), 0.0)
+        self._keep(i, way, new)
+        self.o.guess[i] = ti.max(new + age / (age + 3.0) * (new - old), 0.0)
         left = diagonal * dt * dt / rho0
         return ti.Vector([ti.abs(new - guess) * left / step, (guess - new) * (new - old) * left])
