@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import os
+import textwrap
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 
@@ -48,6 +51,7 @@ def start(arch: str = "cpu", threads: int | None = None, precision: str = "f32",
             _init(arch, real, threads, debug)
     except RuntimeError as error:
         raise RunError(f"--arch = {arch}: not to be had on this machine; use --arch cpu") from error
+    _read_sources_once()
     if not debug:
         _skip_error_positions()
     _started = wanted
@@ -101,6 +105,15 @@ def _skip_error_positions() -> None:
     from taichi.lang.ast import ast_transformer_utils
 
     ast_transformer_utils.ASTTransformerContext.get_pos_info = lambda self, node: ""
+
+
+def _read_sources_once() -> None:
+    """Taichi looks a function's source up, and reflows it, each time another one calls it: a third of a start."""
+    from taichi.lang import kernel_impl
+
+    kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)
+    kernel_impl.getsourcelines = functools.cache(kernel_impl.getsourcelines)
+    kernel_impl.textwrap = SimpleNamespace(dedent=textwrap.dedent, fill=lambda line, **how: line.rstrip())
 
 
 def _clear_stale_lock() -> None:
