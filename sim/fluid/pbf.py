@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from sim import runtime
+from sim.crew import Crew
 from sim.fluid.motion import Motion
 from sim.maths.kernels import SmoothingKernel, largest_eigenvalue, lattice_points, lattice_shares
 from sim.registry import register
@@ -14,6 +14,8 @@ from sim.schema import Model, quantity
 from sim.stage import Build, Limit, Stage
 from sim.state import Row
 
+BEGIN, MEASURE, SHIFT, FINISH = range(4)
+"""Phases of the work."""
 SAFETY = 0.6
 """Of Jacobi's largest step on the lattice: disordered water and surfaces bear less."""
 DEPTH = 10
@@ -77,7 +79,9 @@ class Pbf:
         self.epsilon = share * lattice
         self.softest = self._softest(build.config, (1.0 + share) * lattice_diagonal(self.kernel, fluid.support))
         self.motion = Motion(build, terms, params.cfl)
-        self.few = runtime.few(build.state.sizes["fluid"])
+        self.crew = Crew()
+        self.phase, self.done = ti.field(ti.i32, ()), ti.field(ti.i32, ())
+        self.last = params.iterations - 1
         self.iterations = {"density": params.iterations}
         build.parts["pressure"] = self
 
@@ -90,13 +94,7 @@ class Pbf:
 
     def solve(self, dt: float) -> None:
         """v such that the density at x + dt v is at most rho0, as far as the iterations get."""
-        self._begin(dt)
-        last = self.params.iterations - 1
-        for n in range(last + 1):
-            momentum = n / (n + 3.0) if n < last else 0.0
-            self._measure(dt, momentum, self.pairs.neighbour, self.pairs.weight, self.pairs.gradient)
-            self._shift(dt, self.pairs.neighbour, self.pairs.gradient)
-        self._finish(dt)
+        self.crew.run(self, dt, self.pairs.neighbour, self.pairs.weight, self.pairs.gradient)
 
     def _softest(self, config: Any, stiffness: float) -> float:
         """dt [s] at which the highest block, or DEPTH spacings of water, compress their foot by `compression`."""
@@ -114,57 +112,86 @@ class Pbf:
         """p_i [Pa]."""
         return self.density[i] ** 2 * self.kappa[i]
 
-    @ti.kernel
-    def _begin(self, dt: float):
+    @ti.func
+    def begin(self):
+        """Before the first phase."""
+        self.phase[None], self.done[None] = BEGIN, 0
+
+    @ti.func
+    def count(self):
+        """Rows."""
+        return self.state.count[None]
+
+    @ti.func
+    def block(self, block, first, end, dt, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
+        """A block's share of the phase."""
+        phase, n = self.phase[None], self.done[None]
+        momentum = n / (n + 3.0) if n < self.last else 0.0
+        for i in range(first, end):
+            if phase == MEASURE:
+                self._measure(i, dt, momentum, neighbour, weight, gradient)
+            elif phase == SHIFT:
+                self._shift(i, dt, neighbour, gradient)
+            elif phase == BEGIN:
+                self._begin(i, dt)
+            else:
+                self._finish(i, dt)
+
+    @ti.func
+    def decide(self):
+        """BEGIN, (MEASURE, SHIFT) as often as asked, FINISH."""
+        phase = self.phase[None]
+        if phase == SHIFT:
+            self.phase[None] = MEASURE if self.done[None] < self.last else FINISH
+            self.done[None] += 1
+        else:
+            self.phase[None] = phase + 1
+        return phase != FINISH
+
+    @ti.func
+    def _begin(self, i, dt):
         """s = dt v; walls are met once, where that leads, and followed by their gradient: they are dear and smooth."""
-        for i in range(self.state.count[None]):
-            s = dt * self.v[i]
-            rho = self.walls.meet_at(i, self.x[i] + s)
-            # `rate` of one that rests is what moving walls bring.
-            self.wall[i] = rho - self.walls.gradient[i].dot(s) + dt * self.walls.rate(i, 0.0 * s)
-            self.kappa[i], self.ahead[i], self.shift[i] = 0.0, 0.0, s
+        s = dt * self.v[i]
+        rho = self.walls.meet_at(i, self.x[i] + s)
+        # `rate` of one that rests is what moving walls bring.
+        self.wall[i] = rho - self.walls.gradient[i].dot(s) + dt * self.walls.rate(i, 0.0 * s)
+        self.kappa[i], self.ahead[i], self.shift[i] = 0.0, 0.0, s
 
-    @ti.kernel
-    def _measure(
-        self, dt: float, momentum: float, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()
-    ):
+    @ti.func
+    def _measure(self, i, dt, momentum, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
         """Density, gradients and the change of kappa at x + s. A pair without weight was cut and stays so."""
-        for i in range(self.state.count[None]):
-            m, x, s = self.mass[i], self.x[i], self.shift[i]
-            total = self.walls.gradient[i]
-            rho, spread = self.pairs.self_weight * m + self.wall[i] + total.dot(s), 0.0
-            for k in range(self.pairs.start[i], self.pairs.stop[i]):
-                j = neighbour[k]
-                r = self.pairs.apart(x, j) + (s - self.shift[j])
-                distance = r.norm()
-                share = ti.select(weight[k] > 0.0, self.pairs.scale * self.mass[j], 0.0)
-                g = share * self.kernel.slope(distance, self.support_radius) * r
-                rho += share * self.kernel.value(distance, self.support_radius)
-                spread += g.norm_sqr() * self.pairs.inverse_mass[j]
-                total += g
-                gradient[k] = g
-            old, guess = self.kappa[i], self.ahead[i]
-            lack = dt * dt * (total.norm_sqr() + m * spread + self.epsilon)
-            new = ti.max(guess + (rho - self.rest_density) / lack, 0.0)
-            ahead = ti.max(new + momentum * (new - old), 0.0)
-            self.density[i], self.kappa[i], self.ahead[i], self.change[i] = rho, new, ahead, ahead - guess
+        m, x, s = self.mass[i], self.x[i], self.shift[i]
+        total = self.walls.gradient[i]
+        rho, spread = self.pairs.self_weight * m + self.wall[i] + total.dot(s), 0.0
+        for k in range(self.pairs.start[i], self.pairs.stop[i]):
+            j = neighbour[k]
+            r = self.pairs.apart(x, j) + (s - self.shift[j])
+            distance = r.norm()
+            share = ti.select(weight[k] > 0.0, self.pairs.scale * self.mass[j], 0.0)
+            g = share * self.kernel.slope(distance, self.support_radius) * r
+            rho += share * self.kernel.value(distance, self.support_radius)
+            spread += g.norm_sqr() * self.pairs.inverse_mass[j]
+            total += g
+            gradient[k] = g
+        old, guess = self.kappa[i], self.ahead[i]
+        lack = dt * dt * (total.norm_sqr() + m * spread + self.epsilon)
+        new = ti.max(guess + (rho - self.rest_density) / lack, 0.0)
+        ahead = ti.max(new + momentum * (new - old), 0.0)
+        self.density[i], self.kappa[i], self.ahead[i], self.change[i] = rho, new, ahead, ahead - guess
 
-    @ti.kernel
-    def _shift(self, dt: float, neighbour: ti.template(), gradient: ti.template()):
-        for i in range(self.state.count[None]):
-            own = self.change[i]
-            push = own * self.walls.gradient[i]
-            for k in range(self.pairs.start[i], self.pairs.stop[i]):
-                push += (own + self.change[neighbour[k]]) * gradient[k]
-            self.shift[i] -= dt * dt * push
+    @ti.func
+    def _shift(self, i, dt, neighbour: ti.template(), gradient: ti.template()):
+        own = self.change[i]
+        push = own * self.walls.gradient[i]
+        for k in range(self.pairs.start[i], self.pairs.stop[i]):
+            push += (own + self.change[neighbour[k]]) * gradient[k]
+        self.shift[i] -= dt * dt * push
 
-    @ti.kernel
-    def _finish(self, dt: float):
+    @ti.func
+    def _finish(self, i, dt):
         """v = s/dt; walls rub where they pushed."""
-        ti.loop_config(serialize=self.few)
-        for i in range(self.state.count[None]):
-            u = self.shift[i] / dt
-            self.pressure_acceleration[i] = (u - self.v[i]) / dt
-            if ti.static(self.walls.rough):
-                u = self.walls.slow(i, u, dt * self.kappa[i] * self.walls.gradient[i].norm())
-            self.v[i] = u
+        u = self.shift[i] / dt
+        self.pressure_acceleration[i] = (u - self.v[i]) / dt
+        if ti.static(self.walls.rough):
+            u = self.walls.slow(i, u, dt * self.kappa[i] * self.walls.gradient[i].norm())
+        self.v[i] = u

@@ -2,9 +2,8 @@
 
 import taichi as ti
 
-from sim.crew import BLOCK, Crew, block_count
+from sim.crew import BLOCK, Crew
 from sim.maths.kernels import largest_eigenvalue
-from sim.runtime import TURNS
 
 DEMAND, BEGIN, PUSH, RELAX, TAKE = range(5)
 """Phases of the work: see Projection."""
@@ -43,7 +42,9 @@ class Projection:
         self.pairs = owner.pairs
         self.crew = Crew()
         self.relaxation = SAFETY * 2.0 / largest_eigenvalue(self.pairs.kernel, owner.support)
-        self.warm = owner.params.warm_start
+        p = owner.params
+        self.warm, self.iterations_max = p.warm_start, p.iterations_max
+        self.share, self.density_error = p.divergence_error, p.density_error
         self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-owner.state.sizes["fluid"] // BLOCK), 1))
         self.phase, self.way, self.fresh, self.age = (ti.field(ti.i32, ()) for _ in range(4))
         self.iterations = ti.field(ti.i32, 2)
@@ -51,56 +52,25 @@ class Projection:
 
     def solve(self, dt: float) -> tuple[int, int]:
         """Iterations taken, of the velocity and of the way."""
-        p = self.o.params
-        bounds = (p.divergence_error, p.density_error, p.iterations_max)
-        self._muster()
-        more = self._work(dt, *bounds, self.pairs.neighbour, self.pairs.gradient)
-        while more:
-            more = self._work(dt, *bounds, self.pairs.neighbour, self.pairs.gradient)
+        self.crew.run(self, dt, self.pairs.neighbour, self.pairs.weight, self.pairs.gradient)
         return self.iterations[0], self.iterations[1]
 
-    @ti.kernel
-    def _muster(self):
+    @ti.func
+    def begin(self):
+        """Before the first phase."""
         self.phase[None], self.way[None] = DEMAND, 0
-        self.crew.muster()
-
-    @ti.kernel
-    def _work(
-        self,
-        dt: float,
-        share: float,
-        density_error: float,
-        iterations_max: int,
-        neighbour: ti.template(),
-        gradient: ti.template(),
-    ) -> ti.i32:
-        """All phases, or one where there is no crew; whether there are more."""
-        blocks = block_count(self.o.state.count[None])
-        if ti.static(self.crew.awake):
-            for turn in range(self.crew.turns):
-                if turn % TURNS == 0:
-                    block = 0
-                    while block >= 0:
-                        block = self.crew.take(blocks)
-                        if block >= 0:
-                            self._block(block, dt, neighbour, gradient)
-                            if self.crew.last(blocks):
-                                self._decide(share, density_error, iterations_max)
-                                self.crew.open()
-        else:
-            for block in range(blocks):
-                self._block(block, dt, neighbour, gradient)
-            ti.loop_config(serialize=True)
-            for _ in range(1):
-                self._decide(share, density_error, iterations_max)
-        return 1 - self.crew.over[None]
 
     @ti.func
-    def _block(self, block, dt, neighbour: ti.template(), gradient: ti.template()):
+    def count(self):
+        """Rows."""
+        return self.o.state.count[None]
+
+    @ti.func
+    def block(self, block, first, end, dt, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
         """A block's share of the phase."""
         phase, way = self.phase[None], self.way[None]
         total, worst = ti.Vector([0.0, 0.0]), 0.0
-        for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, self.o.state.count[None])):
+        for i in range(first, end):
             if phase == PUSH:
                 self._push(i, dt, neighbour, gradient)
             elif phase == RELAX:
@@ -117,26 +87,24 @@ class Projection:
         self.partial[block] = ti.Vector([total[0], total[1], worst])
 
     @ti.func
-    def _decide(self, share, density_error, iterations_max):
-        """After a phase, by one thread: what comes next."""
-        phase, way = self.phase[None], self.way[None]
+    def decide(self):
+        """What comes next; whether anything does."""
+        phase, way, more = self.phase[None], self.way[None], True
         if phase == DEMAND:
-            asked = share * self._mean()[0]
+            asked = self.share * self._mean()[0]
             self.tolerance[None] = ti.math.clamp(asked, ti.f64(FINEST), ti.f64(COARSEST))
             self._enter(0)
         elif phase == TAKE:
-            self.tolerance[None] = density_error
+            self.tolerance[None] = self.density_error
             self._enter(1)
         elif phase == BEGIN:
             self.phase[None] = PUSH
         elif phase == PUSH:
             self.phase[None] = RELAX
-        elif self._again(way, iterations_max):
-            pass
-        elif way == 0:
+        elif not self._again(way):
             self.phase[None] = TAKE
-        else:
-            self.crew.dismiss()
+            more = way == 0
+        return more
 
     @ti.func
     def _enter(self, way):
@@ -151,14 +119,14 @@ class Projection:
         self.step[None], self.first[None] = step, 1e30
 
     @ti.func
-    def _again(self, way, iterations_max):
+    def _again(self, way):
         """After an iteration: whether another follows, and how it begins."""
         left, turned, worst = self._mean()
         self.iterations[way] += 1
         self.first[None] = ti.min(self.first[None], ti.max(left, self.tolerance[None]))
         self.age[None] = 0 if turned > 0.0 else self.age[None] + 1
         more = left > self.tolerance[None] or worst > WORST or ti.math.isnan(left)
-        more = more and self.iterations[way] < iterations_max
+        more = more and self.iterations[way] < self.iterations_max
         if more:
             self.phase[None] = PUSH
             if not left <= GROWTH * self.first[None] and self.step[None] > SHORTEST * self.relaxation:
