@@ -4,17 +4,16 @@ import math
 
 import taichi as ti
 
-from sim import runtime
+from sim.crew import BLOCK, Crew
 from sim.errors import CapacityError
 from sim.fluid.terms.wall_viscosity import WallViscosity
 from sim.registry import register
-from sim.runtime import TURNS
 from sim.schema import Model, quantity
 from sim.stage import Build, Stage
 from sim.state import Row
 
-BLOCK = 1024
-"""Particles in one partial sum; see sim.fluid.projection."""
+BIND, START, LOOK, GO, TURN, END = range(6)
+"""Phases of the work."""
 
 
 @register("fluid.term", "implicit_viscosity")
@@ -26,8 +25,8 @@ class ImplicitViscosity:
     system, symmetric by mass, is solved by conjugate gradients with each particle's own 3 x 3 block inverted ahead. Its
     forces are central and taken once more from the solution: momentum and spin hold to rounding however far it got.
     Solids with no_slip hold it (see WallViscosity). A thread turns freely, as the form of Morris 1997 (see
-    viscosity) does not let it; in return nu comes out at 0.85 in
-    settled liquid at support 2, 0.97 at 3. Bounds no step.
+    viscosity) does not let it; in return nu comes out at 0.85 in settled
+    liquid at support 2, 0.97 at 3. Bounds no step.
     """
 
     class Params(Model):
@@ -57,11 +56,14 @@ class ImplicitViscosity:
         self.weight = math.sqrt(sum(g * g for g in build.config.space.gravity))
         self.soft = 0.01 * (0.5 * fluid.support_radius) ** 2
         capacity = build.state.sizes["fluid"]
-        self.few = runtime.few(capacity)
+        self.crew = Crew()
+        self.error_sq, self.iterations_max = params.error**2, params.iterations_max
+        self.phase, self.taken = ti.field(ti.i32, ()), ti.field(ti.i32, ())
+        self.least, self.length, self.share = (ti.field(float, ()) for _ in range(3))
+        self.steepness, self.scale = ti.field(ti.f64, ()), ti.field(ti.f64, ())
         self.inverse = ti.Matrix.field(3, 3, float, shape=capacity)
         self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-capacity // BLOCK), 1))
         self.tie = None
-        self.iterations = 0
 
     def stages(self) -> tuple[Stage, ...]:
         """viscosity (accelerate)."""
@@ -75,16 +77,76 @@ class ImplicitViscosity:
                 self.tie = ti.Vector.field(3, float, shape=neighbour.shape[0])
             except RuntimeError as error:
                 raise CapacityError(f"fluid: no memory for {neighbour.shape[0]} pairs; use a larger spacing") from error
-        self._bind(dt, neighbour, self.pairs.gradient, self.tie)
-        steepness, left, scale = self._begin(self.weight * dt, neighbour, self.tie)
-        self.iterations = 0
-        while left > self.params.error**2 * scale and self.iterations < self.params.iterations_max:
-            length = steepness / max(self._look(neighbour, self.tie), 1e-300)
-            before = steepness
-            steepness, left = self._go(length)
-            self._turn(steepness / max(before, 1e-300))
-            self.iterations += 1
-        self._end(dt, neighbour, self.tie)
+        self.least[None] = self.weight * dt
+        self.crew.run(self, dt, neighbour, self.tie, self.pairs.gradient)
+
+    @property
+    def iterations(self) -> int:
+        """Taken in the last solve."""
+        return self.taken[None]
+
+    @ti.func
+    def begin(self):
+        """Before the first phase."""
+        self.phase[None], self.taken[None] = BIND, 0
+
+    @ti.func
+    def count(self):
+        """Rows."""
+        return self.state.count[None]
+
+    @ti.func
+    def block(self, block, first, end, dt, neighbour: ti.template(), tie: ti.template(), gradient: ti.template()):
+        """A block's share of the phase."""
+        phase, total = self.phase[None], ti.Vector([0.0, 0.0, 0.0], ti.f64)
+        for i in range(first, end):
+            if phase == BIND:
+                self._bind(i, dt, neighbour, tie, gradient)
+            elif phase == START:
+                total += self._start(i, neighbour, tie)
+            elif phase == LOOK:
+                total[0] += self._look(i, neighbour, tie)
+            elif phase == GO:
+                total += self._go(i)
+            elif phase == TURN:
+                self.way[i] = self.image[i] + self.share[None] * self.way[i]
+            else:
+                self._end(i, dt, neighbour, tie)
+        self.partial[block] = total
+
+    @ti.func
+    def decide(self):
+        """BIND, START, (LOOK, GO, TURN) ..., END."""
+        phase, sums = self.phase[None], self._sums()
+        following = phase + 1
+        if phase == START:
+            self.steepness[None], self.scale[None] = sums[0], sums[2]
+            following = self._again(sums[1])
+        elif phase == LOOK:
+            self.length[None] = ti.cast(self.steepness[None] / ti.max(sums[0], 1e-300), float)
+        elif phase == GO:
+            self.share[None] = ti.cast(sums[0] / ti.max(self.steepness[None], 1e-300), float)
+            self.steepness[None] = sums[0]
+            self.taken[None] += 1
+            following = TURN if self._again(sums[1]) == LOOK else END
+        elif phase == TURN:
+            following = LOOK
+        self.phase[None] = following
+        return phase != END
+
+    @ti.func
+    def _again(self, left):
+        """LOOK, or END where what is left is little enough."""
+        more = left > self.error_sq * self.scale[None] and self.taken[None] < self.iterations_max
+        return LOOK if more else END
+
+    @ti.func
+    def _sums(self):
+        """Of the phase, over blocks in order."""
+        sums = ti.Vector([0.0, 0.0, 0.0], ti.f64)
+        for block in range((self.state.count[None] + BLOCK - 1) // BLOCK):
+            sums += self.partial[block]
+        return sums
 
     @ti.func
     def _bent(self, i, u: ti.template(), neighbour: ti.template(), tie: ti.template()):
@@ -97,99 +159,56 @@ class ImplicitViscosity:
             total += tie[k] * tie[k].dot(own - u[neighbour[k]])
         return total
 
-    @ti.kernel
-    def _bind(self, dt: float, neighbour: ti.template(), gradient: ti.template(), tie: ti.template()):
-        """v*, a first guess of u, the ties, and each particle's block inverted."""
-        for i in range(self.state.count[None]):
-            block = ti.Matrix([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-            slide = ti.Vector([0.0, 0.0, 0.0])
-            if ti.static(self.wall.some):
-                rate, push = self.wall.drag(i)
-                self.grip[i], slide = dt * rate, dt * push
-                block *= 1.0 + self.grip[i]
-            for k in range(self.pairs.start[i], self.pairs.stop[i]):
-                r = self.pairs.apart(self.x[i], neighbour[k])
-                size = r.norm_sqr()
-                strength = -dt * self.factor * gradient[k].dot(r) / ti.max(size * (size + self.soft), 1e-30)
-                tie[k] = ti.sqrt(ti.max(strength, 0.0)) * r
-                block += tie[k].outer_product(tie[k])
-            self.inverse[i] = block.inverse()
-            self.goal[i] = self.v[i] + dt * self.pressure_acceleration[i] + slide
-            self.u[i] = self.goal[i] + dt * self.change[i]
+    @ti.func
+    def _bind(self, i, dt, neighbour: ti.template(), tie: ti.template(), gradient: ti.template()):
+        """v*, a first guess of u, the ties, and the particle's block inverted."""
+        block = ti.Matrix([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+        slide = ti.Vector([0.0, 0.0, 0.0])
+        if ti.static(self.wall.some):
+            rate, push = self.wall.drag(i)
+            self.grip[i], slide = dt * rate, dt * push
+            block *= 1.0 + self.grip[i]
+        for k in range(self.pairs.start[i], self.pairs.stop[i]):
+            r = self.pairs.apart(self.x[i], neighbour[k])
+            size = r.norm_sqr()
+            strength = -dt * self.factor * gradient[k].dot(r) / ti.max(size * (size + self.soft), 1e-30)
+            tie[k] = ti.sqrt(ti.max(strength, 0.0)) * r
+            block += tie[k].outer_product(tie[k])
+        self.inverse[i] = block.inverse()
+        self.goal[i] = self.v[i] + dt * self.pressure_acceleration[i] + slide
+        self.u[i] = self.goal[i] + dt * self.change[i]
 
-    @ti.kernel
-    def _begin(self, least: float, neighbour: ti.template(), tie: ti.template()) -> ti.types.vector(3, ti.f64):
-        """left and the first way; sums of m left . z (z = inverse left), m left^2, and m max(|v*|, least)^2."""
-        count = self.state.count[None]
-        for turn in range((count + BLOCK - 1) // BLOCK * TURNS):
-            if turn % TURNS == 0:
-                total = ti.Vector([0.0, 0.0, 0.0], ti.f64)
-                for i in range(turn // TURNS * BLOCK, ti.min((turn // TURNS + 1) * BLOCK, count)):
-                    left = self.goal[i] - self.u[i] - self._bent(i, self.u, neighbour, tie)
-                    z = self.inverse[i] @ left
-                    self.left[i], self.way[i] = left, z
-                    total += self.mass[i] * ti.Vector(
-                        [left.dot(z), left.norm_sqr(), ti.max(self.goal[i].norm_sqr(), least * least)]
-                    )
-                self.partial[turn // TURNS] = total
-        sums = ti.Vector([0.0, 0.0, 0.0], ti.f64)
-        ti.loop_config(serialize=True)
-        for block in range((count + BLOCK - 1) // BLOCK):
-            sums += self.partial[block]
-        return sums
+    @ti.func
+    def _start(self, i, neighbour: ti.template(), tie: ti.template()):
+        """left and the first way; m left . z (z = inverse left), m left^2, and m max(|v*|, least)^2."""
+        left = self.goal[i] - self.u[i] - self._bent(i, self.u, neighbour, tie)
+        z = self.inverse[i] @ left
+        self.left[i], self.way[i] = left, z
+        least = self.least[None]
+        return self.mass[i] * ti.Vector([left.dot(z), left.norm_sqr(), ti.max(self.goal[i].norm_sqr(), least * least)])
 
-    @ti.kernel
-    def _look(self, neighbour: ti.template(), tie: ti.template()) -> ti.f64:
-        """image = A way; the sum of m way . image."""
-        count = self.state.count[None]
-        for turn in range((count + BLOCK - 1) // BLOCK * TURNS):
-            if turn % TURNS == 0:
-                total = ti.f64(0.0)
-                for i in range(turn // TURNS * BLOCK, ti.min((turn // TURNS + 1) * BLOCK, count)):
-                    self.image[i] = self.way[i] + self._bent(i, self.way, neighbour, tie)
-                    total += self.mass[i] * self.way[i].dot(self.image[i])
-                self.partial[turn // TURNS][0] = total
-        summed = ti.f64(0.0)
-        ti.loop_config(serialize=True)
-        for block in range((count + BLOCK - 1) // BLOCK):
-            summed += self.partial[block][0]
-        return summed
+    @ti.func
+    def _look(self, i, neighbour: ti.template(), tie: ti.template()):
+        """image = A way; m way . image."""
+        self.image[i] = self.way[i] + self._bent(i, self.way, neighbour, tie)
+        return self.mass[i] * self.way[i].dot(self.image[i])
 
-    @ti.kernel
-    def _go(self, length: float) -> ti.types.vector(2, ti.f64):
-        """A step along the way; image becomes z. Sums of m left . z and m left^2."""
-        count = self.state.count[None]
-        for turn in range((count + BLOCK - 1) // BLOCK * TURNS):
-            if turn % TURNS == 0:
-                total = ti.Vector([0.0, 0.0, 0.0], ti.f64)
-                for i in range(turn // TURNS * BLOCK, ti.min((turn // TURNS + 1) * BLOCK, count)):
-                    self.u[i] += length * self.way[i]
-                    left = self.left[i] - length * self.image[i]
-                    z = self.inverse[i] @ left
-                    self.left[i], self.image[i] = left, z
-                    total += self.mass[i] * ti.Vector([left.dot(z), left.norm_sqr(), 0.0])
-                self.partial[turn // TURNS] = total
-        sums = ti.Vector([0.0, 0.0], ti.f64)
-        ti.loop_config(serialize=True)
-        for block in range((count + BLOCK - 1) // BLOCK):
-            sums += self.partial[block].xy
-        return sums
+    @ti.func
+    def _go(self, i):
+        """A step along the way; image becomes z. m left . z and m left^2."""
+        self.u[i] += self.length[None] * self.way[i]
+        left = self.left[i] - self.length[None] * self.image[i]
+        z = self.inverse[i] @ left
+        self.left[i], self.image[i] = left, z
+        return self.mass[i] * ti.Vector([left.dot(z), left.norm_sqr(), 0.0])
 
-    @ti.kernel
-    def _turn(self, share: float):
-        """The next way: downhill, and on from the last."""
-        ti.loop_config(serialize=self.few)
-        for i in range(self.state.count[None]):
-            self.way[i] = self.image[i] + share * self.way[i]
-
-    @ti.kernel
-    def _end(self, dt: float, neighbour: ti.template(), tie: ti.template()):
-        for i in range(self.state.count[None]):
-            gain = -self._bent(i, self.u, neighbour, tie)
-            if ti.static(self.wall.some):
-                gain += self.goal[i] - self.v[i] - dt * self.pressure_acceleration[i]
-            self.change[i] = gain / dt
-        ti.loop_config(serialize=self.few)
-        for i in range(self.state.count[None]):
-            self.v[i] += dt * self.change[i]
-            self.forces[i] += self.change[i]
+    @ti.func
+    def _end(self, i, dt, neighbour: ti.template(), tie: ti.template()):
+        """The solution's forces, and v by them. Neighbours are asked for u, which stays."""
+        gain = -self._bent(i, self.u, neighbour, tie)
+        if ti.static(self.wall.some):
+            gain += self.goal[i] - self.v[i] - dt * self.pressure_acceleration[i]
+        change = gain / dt
+        self.change[i] = change
+        self.v[i] += dt * change
+        self.forces[i] += change

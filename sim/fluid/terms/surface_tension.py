@@ -69,7 +69,7 @@ class SurfaceTension:
     def _face(self, neighbour: ti.template(), gradient: ti.template()):
         for i in range(self.state.count[None]):
             x = self.x[i]
-            _, g, _f = self.walls.fill(x)
+            _share, g, _friction, _swept, _carried = self.walls.fill(x)
             for k in range(self.pairs.start[i], self.pairs.stop[i]):
                 j = neighbour[k]
                 r = self.pairs.apart(x, j)
