@@ -91,7 +91,7 @@ def run(
 def video(
     name: Run,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="Pixels, such as 634x356; even numbers.")] = None,
-    fps: Annotated[int | None, typer.Option(min=1, help="Of the film; the run's own if left out.")] = None,
+    fps: Annotated[int | None, typer.Option(min=1, help="Of the film; the scene's own if left out.")] = None,
     eye: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Where the camera stands [m].")] = None,
     target: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="What it looks at [m].")] = None,
     fov: Annotated[str | None, typer.Option(metavar="ANGLE", help="Vertical field of view, such as '32 deg'.")] = None,
@@ -328,7 +328,7 @@ def _film(folder, config, path: Path | None = None, fps: int | None = None, anew
                     yield imread(folder.image(n))
                 reach(done)
 
-    film.write_film(path or folder.video, pictures(), look.size, fps or config.run.fps)
+    film.write_film(path or folder.video, pictures(), look.size, fps or config.render.fps or config.run.fps)
 
 
 def _cost(record: dict) -> str:

@@ -60,5 +60,5 @@ CASE = Case(
     bounds={"error": 0.02},
     measure=measure,
     full=(Point((*_across(40), "run.fps=400"), "f64"),),
-    quick=(Point((*_across(20), "run.fps=400"), "f64"),),
+    quick=(Point((*_across(20), "run.fps=400"), "f64", {"error": 0.025}),),
 )
