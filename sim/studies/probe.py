@@ -55,5 +55,5 @@ class Pressure:
         for i in range(self.state.count[None]):
             total = 0.0
             for k in range(self.pairs.start[i], self.pairs.stop[i]):
-                total -= gradient[k].dot(self.x[i] - self.x[neighbour[k]])
+                total -= gradient[k].dot(self.pairs.apart(self.x[i], neighbour[k]))
             self.p[i] = total / (3.0 * self.density[i])
