@@ -7,7 +7,7 @@ from tests.spawned import spawn
 
 BOXES, QUERIES = 700, 900
 """Each input is padded to this size by boxes and queries far away, so that one compiled kernel serves all."""
-SEARCHES = ("brute", "grid")
+SEARCHES = ("brute", "grid", "bvh", "lbvh")
 
 
 def _inputs() -> dict[str, tuple[np.ndarray, ...]]:
