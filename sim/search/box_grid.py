@@ -1,117 +1,147 @@
-"""Boxes listed in the cells that they touch; no tree."""
+"""Boxes sorted into cells by their low corners; no tree."""
 
 import taichi as ti
 import taichi.math as tm
 
 from sim.registry import register
 
-CELL = 1.0
-"""Edge of a cell in mean longest sides of a box. Less: more listings to write; more: more boxes to test."""
+ALIKE = 1.5
+"""Boxes up to so many mean sides long stand in the first level; twice that in the second, and so on."""
+EDGE, FINE = 0.5, 2
+"""Edge of a level's cells, in its longest boxes; and how many times finer along x, where a row is one stretch."""
 CELLS_PER_BOX, CELLS_LEAST = 8, 32_768
-SLOTS_PER_BOX = 32
+LEVELS = 12
 
 
 @register("search.boxes", "grid")
 @ti.data_oriented
 class BoxGrid:
-    """Uniform cells over all boxes and one flat list filled by counting; no tree, O(m + cells) to build.
+    """No tree: each box once in the cell of its low corner, by counting, O(m + cells); a query looks back by a box.
 
-    Cells are monotone in x (also in f32), so a query that overlaps a box meets it, perhaps in more than one cell. Where
-    the boxes need more cells or slots than there are, the edge grows until they fit: never cut short.
+    Boxes of unlike size stand in levels of their own, as in a hierarchical grid (Ericson 2005, ch. 7.2), which a sheet
+    hardly ever needs. Cells are monotone in x, also in f32, and a query looks back a rounding farther.
     """
 
     def __init__(self, box_count: int):
         self.box_count = box_count
         self.cell_count = max(CELLS_PER_BOX * box_count, CELLS_LEAST)
-        self.slot_count = max(SLOTS_PER_BOX * box_count, 1024)
-        self.start = ti.field(ti.i32, shape=self.cell_count + 1)
-        self.cursor = ti.field(ti.i32, shape=self.cell_count)
-        self.slots = ti.field(ti.i32, shape=self.slot_count)
+        self.start = ti.field(ti.i32, shape=self.cell_count + LEVELS + 2)
+        self.cell = ti.field(ti.i32, shape=max(box_count, 1))
+        self.slots = ti.field(ti.i32, shape=max(box_count, 1))
         self.low = ti.Vector.field(3, float, shape=())
-        self.edge = ti.field(float, shape=())
-        self.dims = ti.Vector.field(3, ti.i32, shape=())
+        self.mean, self.rounding = ti.field(float, shape=()), ti.field(float, shape=())
+        self.levels = ti.field(ti.i32, shape=())
+        self.first, self.shape = ti.field(ti.i32, shape=LEVELS + 1), ti.Vector.field(3, ti.i32, shape=LEVELS)
+        self.per_length, self.longest = (ti.Vector.field(3, float, shape=LEVELS) for _ in range(2))
 
     def build(self, low, high) -> None:
         """Sort boxes [low[b], high[b]] into cells."""
-        growth = 1.0
-        while self._build(low, high, growth) > self.slot_count:
-            growth *= 2.0
+        self._sort(low, high)
 
     refit = build
 
     @ti.kernel
-    def _build(self, low: ti.template(), high: ti.template(), growth: float) -> ti.i32:
-        total = 0
+    def _sort(self, low: ti.template(), high: ti.template()):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            self._lay_cells(low, high, growth)
-            cells = self.dims[None][0] * self.dims[None][1] * self.dims[None][2]
-            for c in range(cells):
-                self.cursor[c] = 0
+            top = self._measure(low, high)
+            self._lay_cells(top)
+            cells = self.first[self.levels[None]]
+            for c in range(cells + 2):
+                self.start[c] = 0
             for p in range(self.box_count):
-                first, last = self._window(low[p], high[p])
-                for i, j, k in ti.ndrange((first[0], last[0] + 1), (first[1], last[1] + 1), (first[2], last[2] + 1)):
-                    self.cursor[self._flat(i, j, k)] += 1
-            for c in range(cells):
-                count = self.cursor[c]
-                self.start[c] = total
-                self.cursor[c] = total
-                total += count
-            self.start[cells] = total
-            if total <= self.slot_count:
-                self._fill(low, high)
-        return total
+                n = self._level(low[p], high[p])
+                at = self._cell_of(n, low[p])
+                c = self.first[n] + (at[2] * self.shape[n][1] + at[1]) * self.shape[n][0] + at[0]
+                self.cell[p] = c
+                self.start[c + 2] += 1
+            for c in range(2, cells + 2):
+                self.start[c] += self.start[c - 1]
+            for p in range(self.box_count):
+                slot = self.start[self.cell[p] + 1]
+                self.slots[slot] = p
+                self.start[self.cell[p] + 1] = slot + 1
 
     @ti.func
-    def _lay_cells(self, low: ti.template(), high: ti.template(), growth: float):
+    def _measure(self, low: ti.template(), high: ti.template()):
+        """Low corner, mean side and longest boxes of each level; returns the highest of all corners."""
         a, b, sides = tm.vec3(1e30), tm.vec3(-1e30), 0.0
         for p in range(self.box_count):
-            a = ti.min(a, low[p])
-            b = ti.max(b, high[p])
+            a, b = ti.min(a, low[p]), ti.max(b, low[p])
             sides += (high[p] - low[p]).max()
-        if self.box_count == 0:
-            a, b = tm.vec3(0.0), tm.vec3(0.0)
-        e = ti.max(growth * CELL * sides / ti.max(self.box_count, 1), 1e-6 * (b - a).max(), 1e-12)
-        counts = ti.floor((b - a) / e) + 1.0
-        while counts[0] * counts[1] * counts[2] > self.cell_count:
-            e *= 1.3
-            counts = ti.floor((b - a) / e) + 1.0
-        self.low[None] = a
-        self.edge[None] = e
-        self.dims[None] = ti.cast(counts, ti.i32)
-
-    @ti.func
-    def _fill(self, low: ti.template(), high: ti.template()):
+        self.low[None], self.mean[None] = a, sides / ti.max(self.box_count, 1)
+        self.rounding[None] = 1e-6 * ti.max(ti.abs(a), ti.abs(b)).max()
+        self.levels[None] = 0
+        for n in range(LEVELS):
+            self.longest[n] = tm.vec3(-1.0)
         for p in range(self.box_count):
-            first, last = self._window(low[p], high[p])
-            for i, j, k in ti.ndrange((first[0], last[0] + 1), (first[1], last[1] + 1), (first[2], last[2] + 1)):
-                c = self._flat(i, j, k)
-                self.slots[self.cursor[c]] = p
-                self.cursor[c] += 1
+            n = self._level(low[p], high[p])
+            self.longest[n] = ti.max(self.longest[n], high[p] - low[p])
+            self.levels[None] = ti.max(self.levels[None], n + 1)
+        return b
 
     @ti.func
-    def _window(self, low, high):
-        """(first, last) cells that a box touches; empty where last < first."""
-        dims = self.dims[None]
-        a = ti.max(ti.floor((low - self.low[None]) / self.edge[None]), -1.0)
-        b = ti.min(ti.floor((high - self.low[None]) / self.edge[None]), ti.cast(dims, float))
-        first = ti.max(ti.cast(a, ti.i32), 0)
-        last = ti.min(ti.cast(b, ti.i32), dims - 1)
-        return first, last
+    def _level(self, low, high):
+        """Which level a box belongs to: the first that is long enough, or the last."""
+        side, limit, n = (high - low).max(), ALIKE * self.mean[None], 0
+        while side > limit and n < LEVELS - 1:
+            limit *= 2.0
+            n += 1
+        return n
 
     @ti.func
-    def _flat(self, i, j, k):
-        return (i * self.dims[None][1] + j) * self.dims[None][2] + k
+    def _lay_cells(self, top):
+        """Cells of each level from the low corner to the top one, as many as there are in all."""
+        size, growth = top - self.low[None], 1.0
+        total = self.cell_count + 1
+        while total > self.cell_count:
+            total = 0
+            for n in range(self.levels[None]):
+                self.first[n] = total
+                edge = growth * ti.max(EDGE * self.longest[n].max(), 1e-6 * size.max(), 1e-12)
+                self.per_length[n] = tm.vec3(FINE, 1.0, 1.0) / edge
+                cells = ti.floor(size * self.per_length[n]) + 1.0
+                if self.longest[n].max() < 0.0:
+                    cells = tm.vec3(1.0)
+                self.shape[n] = ti.cast(ti.min(cells, self.cell_count), ti.i32)
+                if cells[0] * cells[1] * cells[2] + total > self.cell_count:
+                    total = self.cell_count + 1
+                else:
+                    total += self.shape[n][0] * self.shape[n][1] * self.shape[n][2]
+            growth *= 1.3
+        self.first[self.levels[None]] = total
+
+    @ti.func
+    def _cell_of(self, n, x):
+        """Cell of a place in level n, or the nearest."""
+        place = (x - self.low[None]) * self.per_length[n]
+        last = self.shape[n] - 1
+        return ti.cast(tm.clamp(place, 0.0, ti.cast(last, float)), ti.i32)
 
     @ti.func
     def begin(self, low, high):
-        first, last = self._window(low, high)
-        span = ti.max(last - first + 1, 0)
-        return ti.Vector([0, span[0] * span[1] * span[2], first[0], first[1], first[2], span[1], span[2]])
+        return ti.Vector([0, self.levels[None], 0, 0, 0, 0, 0, 0])
 
     @ti.func
     def next(self, walk, low, high):
-        n, row = walk[0], walk[0] // walk[6]
-        c = self._flat(walk[2] + row // walk[5], walk[3] + row % walk[5], walk[4] + n % walk[6])
-        walk[0] += 1
-        return walk, self.start[c], self.start[c + 1]
+        """One row of cells along x of one level; walk: level, levels, rows left, in this layer, cell, width, layers."""
+        n, first, last = walk[0], 0, 0
+        if walk[2] == 0:
+            back = low - self.longest[n] - self.rounding[None]
+            a, b = self._cell_of(n, back), self._cell_of(n, high)
+            span = b - a + 1
+            if self.longest[n].max() < 0.0 or (high - self.low[None]).min() < 0.0:
+                span[2] = 0
+            cell = self.first[n] + (a[2] * self.shape[n][1] + a[1]) * self.shape[n][0] + a[0]
+            walk = ti.Vector([n, walk[1], span[1] * span[2], span[1], cell, span[0], span[1], 0])
+        if walk[2] > 0:
+            first, last = self.start[walk[4]], self.start[walk[4] + walk[5]]
+            walk[2] -= 1
+            walk[3] -= 1
+            walk[4] += self.shape[n][0]
+            if walk[3] == 0:
+                walk[3] = walk[6]
+                walk[4] += (self.shape[n][1] - walk[6]) * self.shape[n][0]
+        if walk[2] == 0:
+            walk[0] = n + 1
+        return walk, first, last
