@@ -28,38 +28,41 @@ class Tree:
         )
         self.slots = ti.field(ti.i32, shape=max(box_count, 1))
         self.leaf_at = ti.field(ti.i32, shape=max(self.leaf_count, 1))
-        self.extent = ti.Vector.field(3, float, shape=max(self.leaf_count, 1))
         self.few = runtime.few(8 * box_count)
 
     @ti.kernel
-    def bound(self, low: ti.template(), high: ti.template()) -> float:
-        """Bounds from the leaves up, O(m). Returns what the nodes span beyond a mean box: sum of half surfaces [m^2].
-
-        Less is better to walk. Boxes grown all alike span the same: the mean box is taken off each side.
-        """
+    def bound(self, low: ti.template(), high: ti.template()):
+        """Bounds from the leaves up, O(m)."""
         ti.loop_config(serialize=self.few)
         for k in range(self.leaf_count):
-            a, b, extent = tm.vec3(1e30), tm.vec3(-1e30), tm.vec3(0.0)
+            a, b = tm.vec3(1e30), tm.vec3(-1e30)
             for s in range(k * self.leaf_size, ti.min((k + 1) * self.leaf_size, self.box_count)):
                 p = self.slots[s]
                 a, b = ti.min(a, low[p]), ti.max(b, high[p])
-                extent += high[p] - low[p]
             i = self.leaf_at[k]
             self.node[i].low, self.node[i].high = a, b
-            self.extent[k] = extent
+        ti.loop_config(serialize=True)
+        for n in range(self.node_count):
+            i = self.node_count - 1 - n
+            if self.node[i].leaf < 0:
+                other = self.node[i + 1].skip
+                self.node[i].low = ti.min(self.node[i + 1].low, self.node[other].low)
+                self.node[i].high = ti.max(self.node[i + 1].high, self.node[other].high)
+
+    @ti.kernel
+    def spans(self, low: ti.template(), high: ti.template()) -> float:
+        """What the nodes span beyond a mean box: sum of half surfaces [m^2]. Less is better to walk.
+
+        Boxes grown all alike span the same: the mean box is taken off each side. Serial: one order, one sum.
+        """
         spanned = 0.0
         ti.loop_config(serialize=True)
         for _ in range(1):
             mean = tm.vec3(0.0)
-            for k in range(self.leaf_count):
-                mean += self.extent[k]
+            for p in range(self.box_count):
+                mean += high[p] - low[p]
             mean /= ti.max(self.box_count, 1)
-            for n in range(self.node_count):
-                i = self.node_count - 1 - n
-                if self.node[i].leaf < 0:
-                    other = self.node[i + 1].skip
-                    self.node[i].low = ti.min(self.node[i + 1].low, self.node[other].low)
-                    self.node[i].high = ti.max(self.node[i + 1].high, self.node[other].high)
+            for i in range(self.node_count):
                 e = ti.max(self.node[i].high - self.node[i].low - mean, 0.0)
                 spanned += e[0] * e[1] + e[1] * e[2] + e[2] * e[0]
         return spanned

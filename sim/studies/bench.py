@@ -16,6 +16,7 @@ from sim import config, registry
 from sim.errors import ConfigError, RunError
 from sim.studies import rival, stopwatch
 from sim.studies.compression import mean_compression
+from sim.studies.search import rivals
 
 SCENE = "bench_block"
 ROUNDS = 3
@@ -62,18 +63,25 @@ DUELS = (
 )
 """Each is run if its method is there."""
 QUICK = (Duel("dfsph", 12, 0.3),)
+BOXES = "boxes"
 
 
 def run(case: str, quick: bool, threads: int, rounds: int, folder: Path, say: Callable[[str], None]) -> Path:
     """Every duel whose name begins with `case`; writes FOLDER/bench.csv and stages.csv; returns the former.
 
+    Of the case `boxes`, searches over a sheet's boxes, FOLDER/boxes.csv instead; left out if quick and not named.
     Where the rival cannot be run, that is said and its cells stay empty. rounds: 0 takes ROUNDS, or one if `quick`.
     """
     registry.discover()
     duels = [d for d in (QUICK if quick else DUELS) if d.method in registry.methods("fluid.pressure")]
     chosen = [d for d in duels if d.name.startswith(case)]
-    if not chosen:
-        raise ConfigError(f"bench {case}: no such case; choose from {', '.join(d.name for d in duels)}")
+    boxes = BOXES.startswith(case) if case else not quick
+    if not chosen and not boxes:
+        raise ConfigError(f"bench {case}: no such case; choose from {', '.join([*(d.name for d in duels), BOXES])}")
+    if boxes:
+        path = rivals.run(quick, threads, folder, say)
+        if not chosen:
+            return path
     try:
         python = rival.interpreter()
     except rival.NoRival as reason:
