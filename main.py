@@ -25,6 +25,9 @@ app = typer.Typer(
     help="Simulate water seeping through cloth, and show it. One scene file in; pictures, a film and a ledger out.",
 )
 
+compare = typer.Typer(rich_markup_mode=None, help="Methods side by side, each against what is exact.")
+app.add_typer(compare, name="compare")
+
 Scene = Annotated[str, typer.Argument(help="A name in configs/scenes, or the path of a scene file.")]
 Run = Annotated[str, typer.Argument(help="A run's folder, or scene/number such as seep/003, or a scene: its newest.")]
 Settings = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set a key; may be repeated.")]
@@ -177,6 +180,32 @@ def chart(
     print(f"{path}, {path.with_suffix('.png')}")
     if check:
         report.hold(topic, rows)
+
+
+@compare.callback(invoke_without_command=True)
+def compare_searches(
+    context: typer.Context,
+    quick: Annotated[bool, typer.Option("--quick", help="Smaller, within a minute.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder of CSV and PNG; else outputs/compare.")] = None,
+) -> None:
+    """Methods side by side; without a further word: searches over patches, by what a step costs and what they find."""
+    if context.invoked_subcommand:
+        return
+    from render.searches import search_chart
+    from sim import registry, runtime
+    from sim.run import OUTPUTS
+    from sim.studies.search import compare as searches
+
+    runtime.start(threads=1)
+    registry.discover()
+    sizes = searches.QUICK if quick else searches.FULL
+    path, rows = (out or OUTPUTS / "compare") / f"searches{'-quick' if quick else ''}.csv", []
+    with _progress("compare", len(sizes.patches)) as reach:
+        for done, found in enumerate(searches.run(sizes, path), 1):
+            rows += found
+            reach(done)
+    search_chart(path, path.with_suffix(".png"))
+    print(f"{searches.told(searches.fits(rows))}\n{searches.verdict(rows)}\n{path}, {path.with_suffix('.png')}")
 
 
 @app.command()
