@@ -4,6 +4,7 @@ import taichi as ti
 import taichi.math as tm
 
 from sim.registry import register
+from sim.search.boxes import overlap
 
 ALIKE = 1.5
 """Boxes up to so many mean sides long stand in the first level; twice that in the second, and so on."""
@@ -28,7 +29,7 @@ class BoxGrid:
         self.start = ti.field(ti.i32, shape=self.cell_count + LEVELS + 2)
         self.cell = ti.field(ti.i32, shape=max(box_count, 1))
         self.slots = ti.field(ti.i32, shape=max(box_count, 1))
-        self.low = ti.Vector.field(3, float, shape=())
+        self.low, self.high = (ti.Vector.field(3, float, shape=()) for _ in range(2))
         self.mean, self.rounding = ti.field(float, shape=()), ti.field(float, shape=())
         self.levels = ti.field(ti.i32, shape=())
         self.first, self.shape = ti.field(ti.i32, shape=LEVELS + 1), ti.Vector.field(3, ti.i32, shape=LEVELS)
@@ -64,10 +65,12 @@ class BoxGrid:
 
     @ti.func
     def _measure(self, low: ti.template(), high: ti.template()):
-        """Low corner, mean side and longest boxes of each level; returns the highest of all corners."""
+        """Bounds of all, mean side and longest boxes of each level; returns the highest of the low corners."""
         a, b, sides = tm.vec3(1e30), tm.vec3(-1e30), 0.0
+        self.high[None] = b
         for p in range(self.box_count):
             a, b = ti.min(a, low[p]), ti.max(b, low[p])
+            self.high[None] = ti.max(self.high[None], high[p])
             sides += (high[p] - low[p]).max()
         self.low[None], self.mean[None] = a, sides / ti.max(self.box_count, 1)
         self.rounding[None] = 1e-6 * ti.max(ti.abs(a), ti.abs(b)).max()
@@ -120,7 +123,8 @@ class BoxGrid:
 
     @ti.func
     def begin(self, low, high):
-        return ti.Vector([0, self.levels[None], 0, 0, 0, 0, 0, 0])
+        levels = self.levels[None] * ti.cast(overlap(low, high, self.low[None], self.high[None]), ti.i32)
+        return ti.Vector([0, levels, 0, 0, 0, 0, 0, 0])
 
     @ti.func
     def next(self, walk, low, high):
@@ -130,7 +134,7 @@ class BoxGrid:
             back = low - self.longest[n] - self.rounding[None]
             a, b = self._cell_of(n, back), self._cell_of(n, high)
             span = b - a + 1
-            if self.longest[n].max() < 0.0 or (high - self.low[None]).min() < 0.0:
+            if self.longest[n].max() < 0.0:
                 span[2] = 0
             cell = self.first[n] + (a[2] * self.shape[n][1] + a[1]) * self.shape[n][0] + a[0]
             walk = ti.Vector([n, walk[1], span[1] * span[2], span[1], cell, span[0], span[1], 0])
