@@ -83,8 +83,8 @@ def _momentum(world) -> np.ndarray:
     return total
 
 
-def _free_flight(path: str) -> dict:
-    world = open_world(path)
+def _free_flight(path: str, *overrides: str) -> dict:
+    world = open_world(path, *overrides)
     seen = [_momentum(world)]
     for _ in range(world.frame_count):
         world.advance()
@@ -94,6 +94,7 @@ def _free_flight(path: str) -> dict:
         "momentum": np.array(seen),
         "held": masses.held,
         "error": masses.error(),
+        "bits": world.state_hash(),
         **world.build.parts["contact"].counts(),
     }
 
@@ -103,7 +104,7 @@ def free_flight(tmp_path_factory):
     """A lump of water thrown at a free sheet, without gravity; the sheet drinks."""
     path = tmp_path_factory.mktemp("flight") / "flight.toml"
     path.write_text(FREE_FLIGHT)
-    return spawn(_free_flight, str(path))
+    return spawn(_free_flight, str(path)) | {"path": str(path)}
 
 
 def test_momentum_of_a_free_sheet_and_water_is_kept_to_rounding(free_flight):
@@ -116,6 +117,10 @@ def test_the_flying_lump_wets_the_sheet_and_loses_no_gram(free_flight):
     assert free_flight["held"] > 0
     assert free_flight["error"] == 0.0
     assert free_flight["leaks"] == 0
+
+
+def test_cells_and_a_refitted_tree_give_the_same_bits(free_flight):
+    assert spawn(_free_flight, free_flight["path"], 'coupling.search="lbvh"')["bits"] == free_flight["bits"]
 
 
 def _pool(path: str) -> dict:
