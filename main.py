@@ -208,6 +208,32 @@ def compare_searches(
     print(f"{searches.told(searches.fits(rows))}\n{searches.verdict(rows)}\n{path}, {path.with_suffix('.png')}")
 
 
+@compare.command("tree")
+def compare_tree(
+    name: Run,
+    frame: Annotated[int | None, typer.Option(min=0, help="Of the run; its last if left out.")] = None,
+    out: Annotated[Path | None, typer.Option(help="The picture; RUN/tree.png if left out.")] = None,
+) -> None:
+    """Draw the boxes of the report's tree over the cloth of a run, level by level."""
+    from render import boxes, draw
+    from sim import config, runtime
+    from sim import frame as frames
+    from sim import run as runs
+    from sim.studies.search import levels
+
+    folder = runs.find(name)
+    kept, look = folder.frames(), _look(config.load(folder.config))
+    number = kept[-1] if frame is None and kept else frame
+    if number not in kept:
+        raise ConfigError(f"{folder.label}: no frame {number}; it has {len(kept)}")
+    runtime.start()
+    shown, static = frames.read(folder.frame(number)), frames.read(folder.static, frames.Static)
+    path = out or folder.path / "tree.png"
+    levels.write(path.with_suffix(".npz"), shown, static)
+    boxes.boxes_picture(path.with_suffix(".npz"), draw.draw(shown, look, static), look, path)
+    print(f"{folder.label}: {path}")
+
+
 @app.command()
 def ablate(
     scene: Annotated[str, typer.Argument(help="A scene that fails: explosion or implosion.")],

@@ -50,9 +50,8 @@ def meeting(kind: str, patches: int, points: int) -> Meeting:
 
 
 def _stretched(u, v, points, patch, random):
-    """A pool on a sheet drawn flat, its depth by the volume of the water at two particles a patch."""
-    depth = max(points * (0.5 * patch) ** 3 / SIDE**2, 0.5 * patch)
-    x = random.uniform(0.0, SIDE, (points, 3)) * [1.0, 1.0, depth / SIDE]
+    """A pool on a sheet drawn flat, four patches deep however many particles it is cut into."""
+    x = random.uniform(0.0, SIDE, (points, 3)) * [1.0, 1.0, 4.0 * patch / SIDE]
     return np.stack([u, v, _swell(u, v)], -1), x + np.stack([0 * x[:, 0], 0 * x[:, 0], _swell(x[:, 0], x[:, 1])], -1)
 
 
