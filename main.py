@@ -191,7 +191,7 @@ def compare_searches(
     """Methods side by side; without a further word: searches over patches, by what a step costs and what they find."""
     if context.invoked_subcommand:
         return
-    from render.searches import search_chart
+    from render.searches import accuracy_chart, search_chart
     from sim import registry, runtime
     from sim.run import OUTPUTS
     from sim.studies.search import compare as searches
@@ -204,7 +204,9 @@ def compare_searches(
         for done, found in enumerate(searches.run(sizes, path), 1):
             rows += found
             reach(done)
+    accuracy = path.with_name(f"{path.stem}-accuracy.csv")
     search_chart(path, path.with_suffix(".png"))
+    accuracy_chart(accuracy, accuracy.with_suffix(".png"))
     print(f"{searches.told(searches.fits(rows))}\n{searches.verdict(rows)}\n{path}, {path.with_suffix('.png')}")
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+from matplotlib.lines import Line2D
+
 from render.charts import STYLE, plt, save
 from sim.errors import RunError
 
@@ -14,6 +16,12 @@ WORDS = {
     "grid": "grid: no tree",
     "bvh": "bvh: the report's, built each step",
     "lbvh": "lbvh: refitted",
+}
+MARKERS = {"path": "o", "end": "x", "reach": "^"}
+ASKED = {
+    "path": "asks with its path: misses nothing",
+    "end": "asks where it ends, as the report's",
+    "reach": "asks all about where it ends",
 }
 
 
@@ -74,3 +82,43 @@ def _read(path: Path) -> list[dict[str, str]]:
     if not rows:
         raise RunError(f"{path}: no rows to draw")
     return rows
+
+
+def accuracy_chart(csv_path: Path, png_path: Path) -> None:
+    """Per scene: crossings missed, and boxes tried in vain, over the time of a step, by search and way to ask."""
+    rows = _read(csv_path)
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    measures = (("missed", 100.0, "crossings missed [%]"), ("false", 1.0, "false candidates a particle"))
+    with plt.rc_context(STYLE):
+        figure, grid = plt.subplots(
+            2, len(scenes), figsize=(3.3 * len(scenes), 6.4), layout="constrained", sharex="col", squeeze=False
+        )
+        for k, scene in enumerate(scenes):
+            hits = next(row["hits"] for row in rows if row["scene"] == scene)
+            for axes, (column, scale, label) in zip(grid[:, k], measures):
+                for row in (row for row in rows if row["scene"] == scene):
+                    axes.plot(
+                        1e3 * float(row["seconds"]),
+                        scale * float(row[column]),
+                        MARKERS[row["asked"]],
+                        color=COLOURS[row["search"]],
+                        markersize=7.0,
+                        alpha=0.85,
+                    )
+                axes.set_xscale("log")
+                axes.set_ylabel(label if k == 0 else "")
+            grid[0][k].set(ylim=(-5.0, 105.0), title=f"{scene}   ({int(hits):,} crossings)")
+            grid[1][k].set(xlabel="refit and query of a step [ms]", ylim=(0.0, None))
+        shown = [name for name in COLOURS if any(row["search"] == name for row in rows)]
+        entries = [Line2D([], [], marker="s", linestyle="", color=COLOURS[n], label=WORDS[n]) for n in shown]
+        entries += [Line2D([], [], marker=m, linestyle="", color="#555555", label=ASKED[n]) for n, m in MARKERS.items()]
+        figure.legend(handles=entries, loc="outside lower center", ncols=3, fontsize=9)
+        first = rows[0]
+        figure.suptitle(
+            f"Speed against accuracy: {int(first['points']):,} particles, {int(first['patches']):,} patches",
+            x=0.01,
+            ha="left",
+            fontsize=13,
+            weight="bold",
+        )
+    save(figure, png_path)

@@ -21,6 +21,9 @@ a walk came to; candidates: boxes that touch a query; hits: triangles that a pat
 FITTED = ("search", "what", "of_points", "of_patches")
 """Of searches-fits.csv: time ~ points^of_points x patches^of_patches, by least squares over the logs, a scene its own
 factor."""
+ACCURACY = ("scene", "patches", "points", "search", "asked", "seconds", "missed", "false", "hits")
+"""Of searches-accuracy.csv. asked: see timing.WAYS; seconds: CPU of refit and query; of the `hits` triangles that paths
+pass, the share missed; false: candidates a particle that no path passes."""
 WITHOUT_TREE = "grid"
 CLOSE = 1.1
 """Times that differ by less are a draw."""
@@ -34,8 +37,8 @@ class Sizes(NamedTuple):
     brute: float
 
 
-FULL = Sizes((1_000, 4_000, 16_000, 64_000), (2_000, 16_000, 128_000), 2e8)
-QUICK = Sizes((900, 3_600, 14_400), (1_000, 16_000), 1.5e7)
+FULL = Sizes((1_000, 4_000, 16_000, 64_000), (4_000, 32_000, 128_000), 2e8)
+QUICK = Sizes((900, 3_600, 14_400), (4_000, 32_000), 1.5e7)
 
 
 def run(sizes: Sizes, path: Path) -> Iterator[list[dict[str, Any]]]:
@@ -47,6 +50,7 @@ def run(sizes: Sizes, path: Path) -> Iterator[list[dict[str, Any]]]:
     from sim.studies.search.timing import Bench
 
     rows: list[dict[str, Any]] = []
+    accuracy: list[dict[str, Any]] = []
     for patches in sizes.patches:
         bench = Bench(patches, max(sizes.points))
         searches = [bench.search(name) for name in ("brute", "grid", "bvh", "lbvh")]
@@ -61,11 +65,25 @@ def run(sizes: Sizes, path: Path) -> Iterator[list[dict[str, Any]]]:
                     of = search.figures(met)
                     of |= {"scene": kind, "patches": bench.side**2, "points": points, "search": search.name}
                     here.append(of | {"total": of["refit"] + of["query"]})
+                    if (patches, points) == (sizes.patches[-2], sizes.points[-1]):
+                        accuracy += _accuracy(here[-1], search.accuracy(met))
         _agree(here)
         rows += here
         _write(path, COLUMNS, rows)
         _write(path.with_name(f"{path.stem}-fits.csv"), FITTED, fits(rows))
+        _write(path.with_name(f"{path.stem}-accuracy.csv"), ACCURACY, accuracy)
         yield here
+
+
+def _accuracy(row: dict[str, Any], asked: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    truth = asked[0]["hits"]
+    return [
+        {column: row[column] for column in ACCURACY[:4]}
+        | {"asked": of["asked"], "seconds": row["refit"] + of["query"], "hits": truth}
+        | {"missed": 1.0 - of["hits"] / truth if truth else 0.0}
+        | {"false": (of["candidates"] - of["hits"]) / row["points"]}
+        for of in asked
+    ]
 
 
 def _agree(rows: list[dict[str, Any]]) -> None:
