@@ -6,6 +6,7 @@ import csv
 from pathlib import Path
 
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from render.charts import STYLE, plt, save
 from sim.errors import RunError
@@ -61,7 +62,16 @@ def _panel(axes, rows: list[dict[str, str]], over: str, fixed: str, title: str) 
                               color=COLOURS[name])  # fmt: skip
         axes.plot(*zip(*line), "o-", color=COLOURS[name], markersize=4.5, label=name)
     axes.set(xscale="log", yscale="log", xlabel=f"{over}, at {most:,} {fixed}")
+    _plain(axes.xaxis)
+    _plain(axes.yaxis)
     axes.set_title(title)
+
+
+def _plain(axis) -> None:
+    """Numbers on a log axis as they are read: 10,000, 20."""
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,g}" if value < 1e6 else f"{value:.0e}"))
+    low, high = axis.get_view_interval()
+    axis.set_minor_formatter(axis.get_major_formatter() if high < 8.0 * low else NullFormatter())
 
 
 def _powers(fits: list[dict[str, str]], name: str) -> str:
@@ -107,7 +117,8 @@ def accuracy_chart(csv_path: Path, png_path: Path) -> None:
                     )
                 axes.set_xscale("log")
                 axes.set_ylabel(label if k == 0 else "")
-            grid[0][k].set(ylim=(-5.0, 105.0), title=f"{scene}   ({int(hits):,} crossings)")
+            _plain(grid[1][k].xaxis)
+            grid[0][k].set(ylim=(-1.0, None), title=f"{scene}   ({int(hits):,} crossings)")
             grid[1][k].set(xlabel="refit and query of a step [ms]", ylim=(0.0, None))
         shown = [name for name in COLOURS if any(row["search"] == name for row in rows)]
         entries = [Line2D([], [], marker="s", linestyle="", color=COLOURS[n], label=WORDS[n]) for n in shown]
