@@ -38,7 +38,7 @@ class Sizes(NamedTuple):
 
 
 FULL = Sizes((1_000, 4_000, 16_000, 64_000), (4_000, 32_000, 128_000), 2e8)
-QUICK = Sizes((900, 3_600, 14_400), (4_000, 32_000), 1.5e7)
+QUICK = Sizes((900, 3_600, 14_400), (4_000, 32_000), 3e7)
 
 
 def run(sizes: Sizes, path: Path) -> Iterator[list[dict[str, Any]]]:
