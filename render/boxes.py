@@ -22,7 +22,7 @@ def boxes_picture(path: Path, picture: np.ndarray, look, png_path: Path) -> None
     shown = np.unique(np.linspace(0, level.max(), PANELS).round().astype(int))
     view, glass = look_at(look.eye, look.target), lens(look.size, look.fov)
     height, width = picture.shape[:2]
-    figure, grid = plt.subplots(2, -(-len(shown) // 2), figsize=(14.0, 5.6), layout="constrained", squeeze=False)
+    figure, grid = plt.subplots(2, -(-len(shown) // 2), figsize=(10.5, 4.3), layout="constrained", squeeze=False)
     for axes in grid.flat:
         axes.set_axis_off()
     for axes, n in zip(grid.flat, shown):
@@ -32,7 +32,7 @@ def boxes_picture(path: Path, picture: np.ndarray, look, png_path: Path) -> None
         lines = _lines(low[here], high[here], view, glass)
         axes.add_collection(LineCollection(lines, colors="#101418", linewidths=0.9 * thin, alpha=thin))
         axes.set(xlim=(0, width), ylim=(height, 0))
-        axes.set_title(f"level {n}: {here.sum():,} box{'es' if here.sum() > 1 else ''}", fontsize=10, loc="left")
+        axes.set_title(f"level {n}: {here.sum():,} box{'es' if here.sum() > 1 else ''}", fontsize=9, loc="left")
     save(figure, png_path)
 
 
