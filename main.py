@@ -182,6 +182,59 @@ def chart(
         report.hold(topic, rows)
 
 
+@app.command()
+def ablate(
+    scene: Annotated[str, typer.Argument(help="A scene that fails: explosion or implosion.")],
+    settings: Settings = None,
+    frames: Frames = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of CSV and PNG; else outputs/ablate/SCENE.")] = None,
+    threads: Threads = None,
+) -> None:
+    """Why a scene fails: undo its causes one at a time, and leave each in alone; a page that shows which mattered."""
+    from render.ablation import ablation_chart
+    from sim.run import OUTPUTS
+    from sim.studies import ablate as ablation
+
+    config = _config(scene, settings, False, frames)
+    settings = (*(settings or ()), f"run.duration={config.run.duration!r}")
+    folder, rows = out or OUTPUTS / "ablate" / config.name, []
+    with _progress(f"ablate {config.name}", len(ablation.trials(ablation.load()))) as reach:
+        for row in ablation.run(scene, folder, settings, threads or 0):
+            rows.append(row)
+            reach(len(rows))
+    ablation_chart(folder / "ablate.csv", folder / "places.csv", folder / "ablate.png")
+    print(f"{config.name}: {ablation.verdict(rows)}")
+    print(f"{folder / 'ablate.csv'}, {folder / 'ablate.png'}")
+
+
+@app.command()
+def doctor(
+    scene: Annotated[str | None, typer.Argument(help="A scene: its constants, limits and cost.")] = None,
+    settings: Settings = None,
+    quick: Quick = False,
+) -> None:
+    """What this machine can do, in ten lines; of a scene, what follows from it, which limit binds, what it costs."""
+    from sim import advice
+    from sim import doctor as doctors
+
+    print(advice.scene(_config(scene, settings, quick)) if scene else doctors.machine())
+
+
+@app.command()
+def bench(
+    case: Annotated[str, typer.Argument(help="A case, or how its name begins; all if left out.")] = "",
+    quick: Annotated[bool, typer.Option("--quick", help="One small case, in seconds.")] = False,
+    threads: Annotated[int, typer.Option(min=1, help="Of either side.")] = 2,
+    rounds: Annotated[int, typer.Option(min=0, help="Runs of either side, in turns; 0: 3, or 1 with --quick.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder of the tables; outputs/bench if left out.")] = None,
+) -> None:
+    """Time the water side by side with pySPlisHSPlasH (of .venv-peers, or of the Python that SEEP_PEERS names)."""
+    from sim.run import OUTPUTS
+    from sim.studies import bench as benches
+
+    print(f"{benches.run(case, quick, threads, rounds, out or OUTPUTS / 'bench', print)}")
+
+
 @compare.callback(invoke_without_command=True)
 def compare_searches(
     context: typer.Context,
@@ -234,59 +287,6 @@ def compare_tree(
     levels.write(path.with_suffix(".npz"), shown, static)
     boxes.boxes_picture(path.with_suffix(".npz"), draw.draw(shown, look, static), look, path)
     print(f"{folder.label}: {path}")
-
-
-@app.command()
-def ablate(
-    scene: Annotated[str, typer.Argument(help="A scene that fails: explosion or implosion.")],
-    settings: Settings = None,
-    frames: Frames = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of CSV and PNG; else outputs/ablate/SCENE.")] = None,
-    threads: Threads = None,
-) -> None:
-    """Why a scene fails: undo its causes one at a time, and leave each in alone; a page that shows which mattered."""
-    from render.ablation import ablation_chart
-    from sim.run import OUTPUTS
-    from sim.studies import ablate as ablation
-
-    config = _config(scene, settings, False, frames)
-    settings = (*(settings or ()), f"run.duration={config.run.duration!r}")
-    folder, rows = out or OUTPUTS / "ablate" / config.name, []
-    with _progress(f"ablate {config.name}", len(ablation.trials(ablation.load()))) as reach:
-        for row in ablation.run(scene, folder, settings, threads or 0):
-            rows.append(row)
-            reach(len(rows))
-    ablation_chart(folder / "ablate.csv", folder / "places.csv", folder / "ablate.png")
-    print(f"{config.name}: {ablation.verdict(rows)}")
-    print(f"{folder / 'ablate.csv'}, {folder / 'ablate.png'}")
-
-
-@app.command()
-def doctor(
-    scene: Annotated[str | None, typer.Argument(help="A scene: its constants, limits and cost.")] = None,
-    settings: Settings = None,
-    quick: Quick = False,
-) -> None:
-    """What this machine can do, in ten lines; of a scene, what follows from it, which limit binds, what it costs."""
-    from sim import advice
-    from sim import doctor as doctors
-
-    print(advice.scene(_config(scene, settings, quick)) if scene else doctors.machine())
-
-
-@app.command()
-def bench(
-    case: Annotated[str, typer.Argument(help="A case, or how its name begins; all if left out.")] = "",
-    quick: Annotated[bool, typer.Option("--quick", help="One small case, in seconds.")] = False,
-    threads: Annotated[int, typer.Option(min=1, help="Of either side.")] = 2,
-    rounds: Annotated[int, typer.Option(min=0, help="Runs of either side, in turns; 0: 3, or 1 with --quick.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="Folder of the tables; outputs/bench if left out.")] = None,
-) -> None:
-    """Time the water side by side with pySPlisHSPlasH (of .venv-peers, or of the Python that SEEP_PEERS names)."""
-    from sim.run import OUTPUTS
-    from sim.studies import bench as benches
-
-    print(f"{benches.run(case, quick, threads, rounds, out or OUTPUTS / 'bench', print)}")
 
 
 def _config(scene: str, settings: list[str] | None, quick: bool, frames: int | None = None, **options):

@@ -1,8 +1,13 @@
 """Searches over boxes: the lists of all are those that NumPy finds, on awkward inputs and after the boxes moved."""
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from sim.studies.search import levels
 from tests.spawned import spawn
 
 BOXES, QUERIES = 700, 900
@@ -87,7 +92,21 @@ def _listed() -> dict[tuple[str, str], list[list[np.ndarray]]]:
                 found[case, name] = rows
             if name == "lbvh" and size == BOXES:
                 found["builds"] = _wear(boxes, fields[:2])
+    found["levels"] = _levels()
     return found
+
+
+def _levels() -> dict[str, np.ndarray]:
+    """Boxes of the report's tree over a flat sheet of 5 x 4 patches."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "tree.npz"
+        x, y = np.meshgrid(np.arange(6.0), np.arange(5.0), indexing="ij")
+        first = (5 * np.arange(5)[:, None] + np.arange(4)).reshape(-1, 1)
+        triangles = np.stack([first + [0, 5, 6], first + [0, 6, 1]], 1).reshape(-1, 3)
+        frame = SimpleNamespace(cloth_x=np.stack([x, y, 0.0 * x], -1).reshape(-1, 3))
+        levels.write(path, frame, SimpleNamespace(cloth_triangles=triangles, cloth_thickness=0.1))
+        with np.load(path) as file:
+            return dict(file)
 
 
 def _wear(boxes, fields) -> list[int]:
@@ -108,6 +127,14 @@ def _wear(boxes, fields) -> list[int]:
 @pytest.fixture(scope="module")
 def listed():
     return spawn(_listed)
+
+
+def test_levels_hold_the_sheet_and_end_in_patches_as_thick_as_the_fabric(listed):
+    level, low, high = (listed["levels"][name] for name in ("level", "low", "high"))
+    assert np.bincount(level).tolist() == [1, 2, 4, 8, 16, 8]
+    for n in range(5):
+        assert np.allclose(low[level == n].min(0), [0.0, 0.0, -0.05]) and (high[level == n].max(0)[:2] == [5, 4]).all()
+    assert np.allclose((high - low)[level == 5], [1.0, 1.0, 0.1])
 
 
 def test_a_tree_is_built_again_once_and_only_when_it_is_worn_out(listed):

@@ -1,4 +1,6 @@
-"""Warp's mesh BVH (Macklin 2022) on the boxes of the bench, timed. Run by an interpreter that has it, which need not have seep:
+"""Warp's mesh BVH (Macklin 2022) on the boxes of the bench, timed.
+
+Run by an interpreter that has it, which need not have seep:
 
     python warp_boxes.py ORDER.npz FIGURES.json
 
