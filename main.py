@@ -238,8 +238,8 @@ def bench(
 @compare.callback(invoke_without_command=True)
 def compare_searches(
     context: typer.Context,
-    quick: Annotated[bool, typer.Option("--quick", help="Smaller, within a minute.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder of CSV and PNG; else outputs/compare.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Of the searches: smaller, within a minute.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder of their CSV and PNG; else outputs/compare.")] = None,
 ) -> None:
     """Methods side by side; without a further word: searches over patches, by what a step costs and what they find."""
     if context.invoked_subcommand:
