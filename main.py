@@ -182,6 +182,24 @@ def chart(
         report.hold(topic, rows)
 
 
+@compare.command("ccd")
+def compare_ccd(
+    queries: Annotated[
+        Path, typer.Option(help="An .npz with V (n, 8, 3): v, f0, f1, f2 at t0, then at t1; truth, toi.")
+    ],
+    out: Annotated[Path, typer.Option(help="Where `hit` and `toi` go, an .npz.")],
+    precision: Annotated[str, typer.Option(help="f32 | f64")] = "f32",
+    threads: Threads = None,
+) -> None:
+    """Does a moving point meet a moving triangle, and when: every narrow phase, counted against the file's truth."""
+    from sim import runtime
+    from sim.studies import narrow
+
+    given = narrow.read(queries)
+    runtime.start(threads=threads or None, precision=precision)
+    narrow.compare(given, out, precision, print)
+
+
 @app.command()
 def ablate(
     scene: Annotated[str, typer.Argument(help="A scene that fails: explosion or implosion.")],

@@ -4,7 +4,7 @@ import taichi as ti
 import taichi.math as tm
 
 from sim import runtime
-from sim.maths.ccd import first_hit
+from sim.maths.ccd import EXACT, first_hit
 from sim.search.boxes import overlap
 
 PASSES = 8
@@ -69,7 +69,7 @@ class Catch:
                     for t in range(2 * p, 2 * p + 2):
                         a0, b0, c0 = self.sheet.points_before(t)
                         a1, b1, c1 = self.sheet.points(t)
-                        hit = first_hit(x0, x1, a0, a1, b0, b1, c0, c1)
+                        hit = first_hit(x0, x1, a0, a1, b0, b1, c0, c1, EXACT)
                         if hit[0] < best or (hit[0] == best and hit[0] <= 1.0 and t < found):
                             best, found = hit[0], t
                             w1, w2 = ti.cast(hit[1], float), ti.cast(hit[2], float)

@@ -4,6 +4,7 @@ from sim.coupling.catch import Catch
 from sim.coupling.layer import Layer
 from sim.coupling.sheet import SheetGeometry
 from sim.coupling.sides import Sides
+from sim.maths.ccd import first_hit
 from sim.model import Model
 from sim.registry import method, register
 from sim.stage import Build, Stage
@@ -26,6 +27,7 @@ class Contact:
     )  # fmt: skip
     scratch = ()
     conserves = ("momentum",)
+    narrow = staticmethod(first_hit)
 
     def __init__(self, build: Build, params: "Contact.Params"):
         config = build.config

@@ -1,7 +1,10 @@
 """A moving point against a moving triangle: the first time at which it lies in the triangle. f64 inside.
 
-The four points are coplanar when a cubic in t vanishes (Provot 1997; Bridson 2002, section 6.1). Its monotone
-pieces are found from the derivative and each is bisected, so no root is lost to a bad start of Newton's method.
+The four points are coplanar when a cubic f(t) vanishes (Provot 1997; Bridson 2002, section 6.1). A root alone may be
+lost to rounding: of a point that turns round in the plane, that slides along it, or of a triangle without area. So each
+monotone piece gives the times between which |f| is within its rounding error; the root is tried first, then the times
+are walked through in steps of gap over largest relative speed, which pass no contact (conservative advancement, Mirtich
+1996). What comes nearer than the slack is a hit: nothing is missed, and only misses that near are taken for hits.
 """
 
 import taichi as ti
@@ -9,9 +12,14 @@ import taichi.math as tm
 
 dvec3 = ti.types.vector(3, ti.f64)
 
+EXACT, ROUNDED = 2.0**-50, 2.0**-22
+"""[1] Slack, of the largest coordinate: of points that are meant as they stand, and of points rounded to f32 (two of
+them may be parted by sqrt(3) 2^-23)."""
+ROUNDING = 2.0**-48
+"""[1] of the product of the largest edges: error of the cubic in f64, with room."""
 BISECTIONS = 50
-INSIDE = 1e-7
-"""[1] barycentric slack, so that a point on the edge of two triangles is not lost between them."""
+STRIDES_MAX = 1000
+"""Of a walk; a point that slides through the plane beside the triangle, nearer to it than its way / 1000, is a hit."""
 
 
 @ti.func
@@ -30,29 +38,38 @@ def coplanar_cubic(q0, dq, u0, du, v0, dv):
 
 
 @ti.func
-def barycentric(q, u, v):
-    """(b1, b2) of the projection of q on the plane of u and v; (-1, -1) for a triangle without area."""
-    uu, uv, vv = u.dot(u), u.dot(v), v.dot(v)
-    det = uu * vv - uv * uv
-    b = ti.Vector([-1.0, -1.0], ti.f64)
-    if det > 1e-14 * uu * vv:
-        qu, qv = q.dot(u), q.dot(v)
-        b = ti.Vector([(vv * qu - uv * qv) / det, (uu * qv - uv * qu) / det], ti.f64)
-    return b
+def gap(q, u, v, rounding):
+    """(distance of q from the triangle 0, u, v; weights of u and v of the nearest point), f64.
+
+    rounding: error of q . (u x v) [m^3], taken off; the edges count by themselves, for a sliver has no normal.
+    """
+    n = u.cross(v)
+    area_sq = n.dot(n)
+    w1, w2 = q.cross(v).dot(n), u.cross(q).dot(n)
+    s, r = _along(q, u), _along(q, v)
+    near = ti.Vector([(q - s * u).norm(), s, 0.0], ti.f64)
+    other = (q - r * v).norm()
+    if other < near[0]:
+        near = ti.Vector([other, 0.0, r], ti.f64)
+    s = _along(q - u, v - u)
+    other = (q - u - s * (v - u)).norm()
+    if other < near[0]:
+        near = ti.Vector([other, 1.0 - s, s], ti.f64)
+    if area_sq > 0.0 and w1 >= 0.0 and w2 >= 0.0 and w1 + w2 <= area_sq:
+        other = ti.max(ti.abs(q.dot(n)) - rounding, 0.0) / ti.sqrt(area_sq)
+        if other < near[0]:
+            near = ti.Vector([other, w1 / area_sq, w2 / area_sq], ti.f64)
+    return near
 
 
 @ti.func
-def _bisect(c, a, b):
-    lo, hi = a, b
-    f_lo = cubic(c, lo)
-    for _ in range(BISECTIONS):
-        mid = 0.5 * (lo + hi)
-        f = cubic(c, mid)
-        if (f > 0.0) == (f_lo > 0.0):
-            lo = mid
-        else:
-            hi = mid
-    return 0.5 * (lo + hi)
+def _along(q, e):
+    """Where the segment 0-e is nearest to q, 0 to 1."""
+    s = ti.cast(0.0, ti.f64)
+    ee = e.dot(e)
+    if ee > 0.0:
+        s = tm.clamp(q.dot(e) / ee, 0.0, 1.0)
+    return s
 
 
 @ti.func
@@ -75,40 +92,83 @@ def _knots(c):
 
 
 @ti.func
+def _times(c, a, b, eps):
+    """(first, root, last): when a monotone piece a-b reaches -eps, 0 and eps, or the reverse; a or b if beyond."""
+    upward = 1.0 if cubic(c, a) <= cubic(c, b) else -1.0
+    times = ti.Vector([a, a, b], ti.f64)
+    for j in range(3):
+        level = eps * ti.cast(j - 1, ti.f64)
+        lo, hi = a, b
+        for _ in range(BISECTIONS):
+            mid = 0.5 * (lo + hi)
+            if upward * cubic(c, mid) < level:
+                lo = mid
+            else:
+                hi = mid
+        if j == 0:
+            times[0] = lo
+        elif j == 1:
+            times[1] = hi
+        else:
+            times[2] = hi
+    return times
+
+
+@ti.func
 def _apart(x, y):
     """x - y in f64, exact for f32 coordinates of like size."""
     return ti.cast(x, ti.f64) - ti.cast(y, ti.f64)
 
 
 @ti.func
-def first_hit(x0, x1, a0, a1, b0, b1, c0, c1):
-    """(t, b1, b2) of the first crossing in [0, 1]; t = 2 where there is none. Points move linearly, 0 -> 1 [m]."""
+def _largest(x):
+    return ti.cast(ti.abs(x).max(), ti.f64)
+
+
+@ti.func
+def first_hit(x0, x1, a0, a1, b0, b1, c0, c1, slack):
+    """(t, b1, b2) of the first contact in [0, 1]; t = 2 where there is none. Points move linearly, 0 -> 1 [m].
+
+    slack: EXACT or ROUNDED. b1, b2: weights of b and c in the point of the triangle that is met.
+    """
     q0, u0, v0 = _apart(x0, a0), _apart(b0, a0), _apart(c0, a0)
     q1, u1, v1 = _apart(x1, a1), _apart(b1, a1), _apart(c1, a1)
     dq, du, dv = q1 - q0, u1 - u0, v1 - v0
     c = coplanar_cubic(q0, dq, u0, du, v0, dv)
-    hit = ti.Vector([2.0, 0.0, 0.0], ti.f64)
+    reach = ti.max(
+        _largest(x0), _largest(x1), _largest(a0), _largest(a1), _largest(b0), _largest(b1), _largest(c0), _largest(c1)
+    )
+    tol = slack * ti.max(reach, 1e-30)
+    middle = 0.5 * (u0.cross(v1) + u1.cross(v0))  # of the area's Bernstein hull
+    area = ti.sqrt(ti.max(u0.cross(v0).norm_sqr(), middle.norm_sqr(), u1.cross(v1).norm_sqr()))
+    u_sq, v_sq = ti.max(u0.norm_sqr(), u1.norm_sqr()), ti.max(v0.norm_sqr(), v1.norm_sqr())
+    rounding = ROUNDING * ti.sqrt(ti.max(q0.norm_sqr(), q1.norm_sqr()) * u_sq * v_sq)
+    eps = tol * area + rounding
     hull = ti.Vector([c[0], c[0] + c[1] / 3.0, c[0] + (2.0 * c[1] + c[2]) / 3.0, c.sum()], ti.f64)
-    if hull.min() <= 0.0 <= hull.max():  # else the Bernstein hull has no root: most queries end here
-        hit = _search(c, q0, dq, u0, du, v0, dv)
+    hit = ti.Vector([2.0, 0.0, 0.0], ti.f64)
+    if hull.min() <= eps and hull.max() >= -eps:  # else the Bernstein hull has no root: most queries end here
+        hit = _search(c, q0, dq, u0, du, v0, dv, tol, eps, rounding)
     return hit
 
 
 @ti.func
-def _search(c, q0, dq, u0, du, v0, dv):
-    """Roots piece by piece between the knots where the derivative vanishes, the first that lies in the triangle."""
+def _search(c, q0, dq, u0, du, v0, dv, tol, eps, rounding):
+    """Piece by piece between the knots where the derivative vanishes: the root, then the walk."""
     hit = ti.Vector([2.0, 0.0, 0.0], ti.f64)
+    speed = ti.sqrt(ti.max(dq.norm_sqr(), (dq - du).norm_sqr(), (dq - dv).norm_sqr(), 1e-300))
     knots = _knots(c)
     for k in range(3):
-        if hit[0] > 1.0:
-            f_a, f_b = cubic(c, knots[k]), cubic(c, knots[k + 1])
-            if f_a * f_b <= 0.0 and (f_a != 0.0 or f_b != 0.0):
-                t = _bisect(c, knots[k], knots[k + 1])
-                if f_a == 0.0:
-                    t = knots[k]
-                elif f_b == 0.0:
-                    t = knots[k + 1]
-                b = barycentric(q0 + t * dq, u0 + t * du, v0 + t * dv)
-                if b[0] >= -INSIDE and b[1] >= -INSIDE and b[0] + b[1] <= 1.0 + INSIDE:
-                    hit = ti.Vector([t, b[0], b[1]], ti.f64)
+        f_a, f_b = cubic(c, knots[k]), cubic(c, knots[k + 1])
+        if hit[0] > 1.0 and ti.min(f_a, f_b) <= eps and ti.max(f_a, f_b) >= -eps:
+            times = _times(c, knots[k], knots[k + 1], eps)
+            at_root = f_a * f_b <= 0.0
+            t = times[1] if at_root else times[0]
+            strides = 0
+            while hit[0] > 1.0 and (at_root or t <= times[2]):
+                near = gap(q0 + t * dq, u0 + t * du, v0 + t * dv, rounding)
+                if near[0] <= tol or strides == STRIDES_MAX:
+                    hit = ti.Vector([t, near[1], near[2]], ti.f64)
+                t = times[0] if at_root else t + ti.max(near[0] / speed, 1e-16)
+                at_root = False
+                strides += 1
     return hit
