@@ -179,6 +179,21 @@ def _exchange(config: Config) -> list[Problem]:
         found.append(Problem("coupling", f"needs [fluid] and [cloth]; [{missing}] is missing"))
     if config.wetting and not config.coupling:
         found.append(Problem("wetting", "needs [coupling]"))
+    if config.coupling and config.coupling.contact == "plane_reflect":
+        found += _reflecting(config)
+    return found
+
+
+def _reflecting(config: Config) -> list[Problem]:
+    """What the report's contact does not know."""
+    found = []
+    if config.wetting:
+        found.append(Problem("coupling.contact", 'has no water at rest on the cloth for [wetting]; choose "ccd"'))
+    for key in ("restitution", "friction"):
+        if getattr(config.coupling, key) != type(config.coupling).model_fields[key].default:
+            found.append(
+                Problem(f"coupling.{key}", "plane_reflect sends all water back as fast as it came; leave it out")
+            )
     return found
 
 

@@ -287,7 +287,7 @@ class Cloth(Model):
 class Coupling(Model):
     """[coupling]: forces between water and cloth."""
 
-    contact: str = option("ccd", why="continuous: nothing passes between two steps")
+    contact: str = option("ccd", why="continuous: nothing passes between two steps; plane_reflect leaks")
     search: str = option("grid", why="over the cloth's patches; linear in them")
     restitution: float = quantity(0.0, ge=0, le=1, why="water does not bounce")
     friction: float = quantity(0.2, ge=0, why="drag of a film on rough cloth, tau = friction rho u^2/2")

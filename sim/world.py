@@ -132,7 +132,7 @@ class World:
 
     def _note_firsts(self) -> None:
         parts = self.build.parts
-        if "contact" in parts and self.first["first_contact"] is None and parts["contact"].layer.touched[None]:
+        if "contact" in parts and self.first["first_contact"] is None and parts["contact"].touched[None]:
             self.first["first_contact"] = self.clock.time
         if "drip" in parts and self.first["first_drop"] is None and parts["drip"].drops[None]:
             self.first["first_drop"] = self.clock.time
@@ -149,7 +149,7 @@ class World:
         if config.cloth:
             x, v = (self.state[f"cloth.{n}"].to_numpy() for n in "xv")
             guard.check_things("cloth node", x, v, np.arange(len(x)), now, config)
-        if config.coupling:
+        if config.coupling and self.build.parts["contact"].tight:
             guard.check_leaks(self.build.parts["contact"].counts()["leaks"], now)
 
     @property
@@ -240,8 +240,7 @@ class World:
     def _counters(self, part: str) -> dict:
         if part == "drip":
             return {"drops": self.build.parts["drip"].drops}
-        contact = self.build.parts["contact"]
-        return {"acts": contact.catch.acts, "leaks": contact.catch.leaks, "touched": contact.layer.touched}
+        return self.build.parts["contact"].counters()
 
     def load(self, kept: dict) -> None:
         """The reverse of `save`."""

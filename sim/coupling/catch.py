@@ -42,10 +42,20 @@ class Catch:
 
     def run(self, dt: float) -> None:
         """Find who crossed, and put them back."""
+        self.find()
+        self._put_back()
+
+    def find(self) -> None:
+        """crossed[i] = the first triangle that x0 -> x passes, or -1."""
         self.sheet.bound_sweep(1e-6)
         self.boxes.refit(self.sheet.low, self.sheet.high)
         self._find()
-        self._put_back()
+
+    @ti.kernel
+    def count_leaks(self):
+        """All who crossed, for a contact that does not put them back."""
+        for i in range(self.state_count[None]):
+            self.leaks[None] += self.crossed[i] >= 0
 
     @ti.kernel
     def _find(self):

@@ -28,6 +28,7 @@ class Contact:
     scratch = ()
     conserves = ("momentum",)
     narrow = staticmethod(first_hit)
+    tight = True
 
     def __init__(self, build: Build, params: "Contact.Params"):
         config = build.config
@@ -38,6 +39,7 @@ class Contact:
         self.sides = Sides(build, self.sheet, self.boxes, reach)
         self.layer = Layer(build, self.sheet)
         self.catch = Catch(build, self.sheet, self.boxes)
+        self.touched = self.layer.touched
         build.parts["contact"] = self
         build.parts.setdefault("guests", []).append(self.layer)
 
@@ -67,3 +69,7 @@ class Contact:
     def counts(self) -> dict[str, int]:
         """Totals so far: `leaks`, and how often the last step acted."""
         return {"leaks": int(self.catch.leaks[None]), "caught": int(self.catch.acts[None])}
+
+    def counters(self) -> dict:
+        """0-D fields that a saved state keeps."""
+        return {"acts": self.catch.acts, "leaks": self.catch.leaks, "touched": self.touched}

@@ -107,7 +107,10 @@ def compare(given: dict[str, np.ndarray], out: Path, precision: str, say=print) 
         written |= {f"hit{tail}": hit, f"toi{tail}": toi}
         figures[name] = counts(hit, toi, given) if "truth" in given else {}
         told = [f"{int(hit.sum())} hits of {len(hit)}"]
-        told += [f"{key.replace('_', ' ')} {value:.3g}" for key, value in figures[name].items()]
+        told += [
+            f"{key.replace('_', ' ')} {value if isinstance(value, int) else f'{value:.2g}'}"
+            for key, value in figures[name].items()
+        ]
         say(f"{name} ({precision}): {', '.join(told)}; {1e9 * seconds / max(len(hit), 1):.0f} ns a query")
     try:
         with open(out, "wb") as file:
