@@ -200,6 +200,28 @@ def compare_ccd(
     narrow.compare(given, out, precision, print)
 
 
+@compare.command("leaks")
+def compare_leaks(
+    quick: Annotated[bool, typer.Option("--quick", help="The corners of the sweep, in a minute or two.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder of CSV and PNG; else outputs/compare.")] = None,
+    threads: Threads = None,
+) -> None:
+    """Throw water at a sheet, at every speed, step and thickness; exit 1 if any gets through where none must."""
+    from render.leaks import leak_chart
+    from sim.run import OUTPUTS
+    from sim.studies import leaks
+
+    study = leaks.load(quick)
+    path, rows = (out or OUTPUTS / "compare") / f"leaks{'-quick' if quick else ''}.csv", []
+    with _progress("compare leaks", 2 * len(study.thickness)) as reach:
+        for done, found in enumerate(leaks.run(study, path, threads or 0), 1):
+            rows += found
+            reach(done)
+    leak_chart(path, path.with_suffix(".png"))
+    print(f"{leaks.verdict(rows)}\n{path}, {path.with_suffix('.png')}")
+    leaks.hold(rows)
+
+
 @app.command()
 def ablate(
     scene: Annotated[str, typer.Argument(help="A scene that fails: explosion or implosion.")],

@@ -8,15 +8,22 @@ from sim.maths.ccd import EXACT, first_hit
 from sim.search.boxes import overlap
 
 PASSES = 8
+"""Of putting one particle back, each half as far over the triangle as the one before: folds may be near."""
 CLEARANCE = 0.05
 """[dx] A caught particle is put this far over the triangle, on its entry side."""
+ROUNDS = 2
+"""Of holding triangles that pinch a particle where the step began; then the whole step is taken back."""
 
 
 @ti.data_oriented
 class Catch:
-    """reads and writes fluid.x, fluid.v, cloth.v.
+    """reads and writes fluid.x, fluid.v, cloth.x, cloth.v.
 
-    acts, leaks: totals of particles caught, and of crossings that PASSES passes could not undo (0-D, i32).
+    A particle that crossed is put over the end triangle. One that no place is found for is pinched: it and the triangle
+    go back to where the step began, with their mean velocity, and all is looked at again, for the sheet has changed. If
+    that does not end, water and sheet all stay where they were: then nothing has crossed, whatever moved.
+
+    acts, undone, leaks: totals of particles caught, of steps taken back, and of crossings left (0-D, i32).
     """
 
     def __init__(self, build, sheet, boxes):
@@ -29,9 +36,8 @@ class Catch:
         capacity = state.sizes["fluid"]
         self.few = runtime.few(capacity)
         self.x0 = ti.Vector.field(3, float, shape=capacity)
-        self.crossed = ti.field(ti.i32, shape=capacity)
-        self.acts = ti.field(ti.i32, shape=())
-        self.leaks = ti.field(ti.i32, shape=())
+        self.crossed, self.held = ti.field(ti.i32, shape=capacity), ti.field(ti.i32, shape=capacity)
+        self.acts, self.undone, self.leaks = (ti.field(ti.i32, shape=()) for _ in range(3))
 
     @ti.kernel
     def begin(self):
@@ -39,11 +45,20 @@ class Catch:
         ti.loop_config(serialize=self.few)
         for i in range(self.state_count[None]):
             self.x0[i] = self.x[i]
+            self.held[i] = 0
 
     def run(self, dt: float) -> None:
         """Find who crossed, and put them back."""
         self.find()
-        self._put_back()
+        for _ in range(ROUNDS):
+            if not self._put_back():
+                return
+            self._hold()
+            self.find()
+        if self._put_back():
+            self._take_back()
+            self.find()
+            self.count_leaks()
 
     def find(self) -> None:
         """crossed[i] = the first triangle that x0 -> x passes, or -1."""
@@ -53,19 +68,19 @@ class Catch:
 
     @ti.kernel
     def count_leaks(self):
-        """All who crossed, for a contact that does not put them back."""
+        """All who crossed."""
         for i in range(self.state_count[None]):
             self.leaks[None] += self.crossed[i] >= 0
 
     @ti.kernel
     def _find(self):
         for i in range(self.state_count[None]):
-            t, _ = self.first_crossing(self.x0[i], self.x[i])
+            t, _, _w = self.first_crossing(self.x0[i], self.x[i])
             self.crossed[i] = t
 
     @ti.func
     def first_crossing(self, x0, x1):
-        """(triangle or -1, barycentric weights) of the first crossing of the moving sheet by x0 -> x1."""
+        """(triangle or -1, time 0..1, barycentric weights) of the first crossing of the moving sheet by x0 -> x1."""
         low, high = ti.min(x0, x1), ti.max(x0, x1)
         found = -1
         weights = tm.vec3(0.0)
@@ -84,35 +99,41 @@ class Catch:
                             best, found = hit[0], t
                             w1, w2 = ti.cast(hit[1], float), ti.cast(hit[2], float)
                             weights = tm.vec3(1.0 - w1 - w2, w1, w2)
-        return found, weights
+        return found, ti.cast(best, float), weights
 
     @ti.kernel
-    def _put_back(self):
+    def _put_back(self) -> ti.i32:
+        """Those that crossed go back to their side; crossed is left for those that could not. Returns their number."""
+        pinched = 0
         ti.loop_config(serialize=True)
         for i in range(self.state_count[None]):
             if self.crossed[i] >= 0:
-                self.acts[None] += 1
-                solved = False
-                for attempt in range(PASSES + 1):
-                    if not solved:
-                        t, w = self.first_crossing(self.x0[i], self.x[i])
-                        if t < 0:
-                            solved = True
-                        elif attempt < PASSES:
-                            self._place(i, t, w)
-                        else:
-                            self.leaks[None] += 1
+                self.acts[None] += 1 - ti.min(self.held[i], 1)
+                self.held[i] = ti.max(self.held[i], 1)
+                attempt = 0
+                while self.crossed[i] >= 0 and attempt < PASSES and self.held[i] == 1:
+                    t, time, w = self.first_crossing(self.x0[i], self.x[i])
+                    self.crossed[i] = t
+                    if t >= 0:
+                        self._place(i, t, time, w, self.clearance * 0.5**attempt)
+                    attempt += 1
+                pinched += self.crossed[i] >= 0
+        return pinched
 
     @ti.func
-    def _place(self, i, t, b):
-        """Over the same barycentrics of the end triangle, on the entry side, without approaching velocity."""
+    def _place(self, i, t, time, b, clearance):
+        """Over the same barycentrics of the end triangle, on the side it came from, without approaching velocity."""
         a0, b0, c0 = self.sheet.points_before(t)
         a1, b1, c1 = self.sheet.points(t)
-        entry = (self.x0[i] - a0).dot((b0 - a0).cross(c0 - a0))
+        step = self.x[i] - self.x0[i] - (b[0] * (a1 - a0) + b[1] * (b1 - b0) + b[2] * (c1 - c0))
+        a, u, v = tm.mix(a0, a1, time), tm.mix(b0, b1, time), tm.mix(c0, c1, time)
+        arriving = step.dot((u - a).cross(v - a))
+        if arriving == 0.0:
+            arriving = -(self.x0[i] - a0).dot((b0 - a0).cross(c0 - a0))
         n = self.sheet.face_normal(t)
-        if entry < 0.0:
+        if arriving > 0.0:
             n = -n
-        self.x[i] = b[0] * a1 + b[1] * b1 + b[2] * c1 + self.clearance * n
+        self.x[i] = b[0] * a1 + b[1] * b1 + b[2] * c1 + clearance * n
         corner = self.sheet.corner[t]
         w = 1.0 / self.mass[i]
         r = self.v[i]
@@ -123,3 +144,39 @@ class Catch:
         self.v[i] += impulse / self.mass[i]
         for k in ti.static(range(3)):
             self.node_v[corner[k]] -= self.node_w[corner[k]] * b[k] * impulse
+
+    @ti.kernel
+    def _hold(self):
+        """Pinched particles and the triangles that they cross: back to the step's start, with their mean velocity."""
+        ti.loop_config(serialize=True)
+        for i in range(self.state_count[None]):
+            t = self.crossed[i]
+            if t >= 0:
+                corner = self.sheet.corner[t]
+                self.held[i] = 2
+                self.x[i] = self.x0[i]
+                mass, momentum, pinned = self.mass[i], self.mass[i] * self.v[i], False
+                for k in ti.static(range(3)):
+                    n = corner[k]
+                    self.sheet.x[n] = self.sheet.x0[n]
+                    if self.node_w[n] > 0.0:
+                        mass += 1.0 / self.node_w[n]
+                        momentum += self.node_v[n] / self.node_w[n]
+                    else:
+                        pinned = True
+                mean = momentum / mass
+                if pinned:
+                    mean = tm.vec3(0.0)
+                self.v[i] = mean
+                for k in ti.static(range(3)):
+                    if self.node_w[corner[k]] > 0.0:
+                        self.node_v[corner[k]] = mean
+
+    @ti.kernel
+    def _take_back(self):
+        """Everything to where the step began; velocities stay."""
+        self.undone[None] += 1
+        for i in range(self.state_count[None]):
+            self.x[i] = self.x0[i]
+        for n in self.sheet.x:
+            self.sheet.x[n] = self.sheet.x0[n]

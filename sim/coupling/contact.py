@@ -58,7 +58,7 @@ class Contact:
                 "catch",
                 self.catch.run,
                 reads=("fluid.x", "fluid.v", "fluid.mass", "cloth.x", "cloth.v", "cloth.inv_mass"),
-                writes=("fluid.x", "fluid.v", "cloth.v"),
+                writes=("fluid.x", "fluid.v", "cloth.x", "cloth.v"),
             ),
         )
 
@@ -67,9 +67,11 @@ class Contact:
         self.catch.begin()
 
     def counts(self) -> dict[str, int]:
-        """Totals so far: `leaks`, and how often the last step acted."""
-        return {"leaks": int(self.catch.leaks[None]), "caught": int(self.catch.acts[None])}
+        """Totals so far: `leaks`, how often the last step acted, and how many steps it took back."""
+        catch = self.catch
+        return {"leaks": int(catch.leaks[None]), "caught": int(catch.acts[None]), "undone": int(catch.undone[None])}
 
     def counters(self) -> dict:
         """0-D fields that a saved state keeps."""
-        return {"acts": self.catch.acts, "leaks": self.catch.leaks, "touched": self.touched}
+        catch = self.catch
+        return {"acts": catch.acts, "undone": catch.undone, "leaks": catch.leaks, "touched": self.touched}
