@@ -1,0 +1,109 @@
+"""What the clips carry, and what the water presses with on each place of the sheet, as means over a time."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+
+class Load:
+    """Watches a world's cloth stage. Steps between `begin` and the readings count.
+
+    carried()   force of the clips on cloth and water [N] (3,)
+    pressure()  contact impulse over area and time at each node, both faces [Pa] (n,)
+    column()    weight of the water that stands over each node, over the node's area in plan [Pa] (n,)
+    places()    mean place of each node [m] (n, 3)
+    """
+
+    EVERY = 16
+    """Steps from one look at the columns to the next."""
+
+    def __init__(self, world: Any):
+        self.world, self.watching = world, False
+        index = next(k for k, stage in enumerate(world.stages) if stage.slot == "cloth")
+        self._cloth = world.stages[index].run
+        world.stages[index] = replace(world.stages[index], run=self._run)
+        self.begin()
+        self.watching = False
+
+    def begin(self) -> None:
+        """From here on."""
+        nodes = self._read("cloth.inv_mass").shape[0]
+        self.watching, self.time = True, 0.0
+        self.impulse, self.push, self.x = np.zeros(3), np.zeros(nodes), np.zeros((nodes, 3))
+        self.looks, self.above = 0, np.zeros(nodes)
+
+    def carried(self) -> np.ndarray:
+        """What held nodes weigh hangs on the clips too."""
+        held = self._read("cloth.inv_mass") == 0.0
+        gravity = np.array(self.world.config.space.gravity)
+        return self.impulse / self.time - self._read("cloth.mass")[held].sum() * gravity
+
+    def pressure(self) -> np.ndarray:
+        """A third of each triangle belongs to each of its corners."""
+        return self.push / self.time / node_areas(self.places(), self._triangles())
+
+    def column(self) -> np.ndarray:
+        """Each particle stands over the node that is nearest in plan."""
+        plan = self.places() * [1.0, 1.0, 0.0]
+        g = -self.world.config.space.gravity[2]
+        return g * self.above / len(range(0, self.looks, self.EVERY)) / node_areas(plan, self._triangles())
+
+    def places(self) -> np.ndarray:
+        """Over the same time."""
+        return self.x / self.time
+
+    def _run(self, dt: float) -> None:
+        if not self.watching:
+            self._cloth(dt)
+            return
+        before = self._momentum()
+        self._cloth(dt)
+        free = self._read("cloth.inv_mass") > 0.0
+        weight = self._read("cloth.mass")[free].sum() * np.array(self.world.config.space.gravity)
+        self.impulse += self._momentum() - before - dt * weight
+        self.push += self._read("cloth.push_front") + self._read("cloth.push_back")
+        self.x += dt * self._read("cloth.x")
+        self.time += dt
+        if self.looks % self.EVERY == 0:
+            self._look()
+        self.looks += 1
+
+    def _look(self) -> None:
+        living, x = int(self.world.state.count[None]), self._read("cloth.x")
+        water, mass = self._read("fluid.x")[:living], self._read("fluid.mass")[:living]
+        for part in np.array_split(np.arange(living), max(living // 500, 1)):
+            apart = ((water[part, None, :2] - x[None, :, :2]) ** 2).sum(-1)
+            self.above += np.bincount(apart.argmin(1), mass[part], len(x))
+
+    def _triangles(self) -> np.ndarray:
+        return self.world.scene.sheet.triangles
+
+    def _momentum(self) -> np.ndarray:
+        """Of water and free cloth [kg m/s]."""
+        living, free = int(self.world.state.count[None]), self._read("cloth.inv_mass") > 0.0
+        water = self._read("fluid.mass")[:living, None] * self._read("fluid.v")[:living]
+        return water.sum(0) + (self._read("cloth.mass")[:, None] * self._read("cloth.v"))[free].sum(0)
+
+    def _read(self, name: str) -> np.ndarray:
+        return self.world.state[name].to_numpy().astype(np.float64)
+
+
+def node_areas(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(n,) [m^2]."""
+    a, b, c = (x[triangles[:, k]] for k in range(3))
+    third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
+    return np.bincount(triangles.ravel(), np.repeat(third, 3), len(x))
+
+
+def level(x: np.ndarray, triangles: np.ndarray, volume: float) -> float:
+    """Height to which `volume` [m^3] fills the hollow of a sheet: its integral over the sheet's plan, by bisection."""
+    edges = 0.5 * (x[triangles] + x[np.roll(triangles, 1, axis=1)])
+    a, b, c = (x[triangles[:, k], :2] for k in range(3))
+    plan = 0.5 * np.abs(np.cross(b - a, c - a)) / 3.0
+    low, high = x[:, 2].min(), x[:, 2].max()
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        full = (plan[:, None] * np.maximum(middle - edges[:, :, 2], 0.0)).sum() > volume
+        low, high = (low, middle) if full else (middle, high)
+    return 0.5 * (low + high)
