@@ -267,6 +267,7 @@ class Cloth(Model):
     centre: Vector = quantity((0.0, 0.0, 0.0), "length")
     normal: Vector = quantity((0.0, 0.0, 1.0), why="lying flat")
     slack: float = quantity(0.0, ge=0, lt=0.9, why="clips stand (1 - slack) of the sheet's size apart")
+    fold: float | None = quantity(None, "length", gt=0, why="folded in half, layers this far apart; absent = flat")
     settle: float = quantity("0 s", "time", ge=0, why="hang at rest before t = 0, in no ledger")
     method: str = option("xpbd", why="stable at every step")
     bending: str = option("flexion", why="the springs over two meshes; none for none")
@@ -282,6 +283,16 @@ class Cloth(Model):
     def node_counts(self) -> tuple[int, int]:
         """Nodes along each side."""
         return tuple(round(side / self.spacing) + 1 for side in self.size)
+
+    @model_validator(mode="after")
+    def _folds(self) -> Cloth:
+        if self.fold is not None and self.slack:
+            raise fault("fold: a folded sheet has no slack; leave one of them out")
+        if self.fold is not None and self.fold > self.size[0] / math.pi:
+            raise fault(
+                f"fold must lie in (0, {self.size[0] / math.pi:.3g}]: half a turn of the first side is all there is"
+            )
+        return self
 
 
 class Coupling(Model):

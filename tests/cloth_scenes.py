@@ -15,7 +15,7 @@ def corners(clip=0.015):
 def cloth(size=(0.2, 0.2), spacing=0.02, slack=0.0, pins=None, strain_limit=None, stretch=STRETCH, **more):
     """config.cloth without a file."""
     fabric = SimpleNamespace(area_density=AREA_DENSITY, thickness=4e-4, stretch=stretch, bending=1e-5)
-    plain = dict(centre=(0.0, 0.0, 0.2), normal=(0.0, 0.0, 1.0), bending="flexion", fabric=fabric)
+    plain = dict(centre=(0.0, 0.0, 0.2), normal=(0.0, 0.0, 1.0), fold=None, bending="flexion", fabric=fabric)
     counts = tuple(round(side / spacing) + 1 for side in size)
     given = dict(
         size=size, spacing=spacing, slack=slack, pins=pins or {}, strain_limit=strain_limit, node_counts=counts

@@ -39,6 +39,8 @@ def hang(cloth: Any, uv: np.ndarray, shape: tuple[int, int], owner: np.ndarray) 
     Between clips the sheet sags towards -z as z(u) + z(v), so that every structural spring has its own length.
     """
     flat = uv - 0.5 * np.asarray(cloth.size)
+    if cloth.fold is not None:
+        return folded(flat, cloth.fold)
     if not cloth.slack or not np.any(owner >= 0):
         return np.column_stack([flat, np.zeros(len(uv))])
     clip = max(0.0 if pin.where == "edges" else pin.clip for pin in cloth.pins.values())
@@ -52,6 +54,16 @@ def hang(cloth: Any, uv: np.ndarray, shape: tuple[int, int], owner: np.ndarray) 
     rank = np.searchsorted(hearts, owner[held])
     place[held] = held_at[rank] + np.column_stack([uv[held] - uv[owner[held]], np.zeros(len(held))])
     return place
+
+
+def folded(flat: np.ndarray, gap: float) -> np.ndarray:
+    """(n, 3) in half along the first side: two layers `gap` apart, joined by half a turn; its middle at x > 0."""
+    radius = 0.5 * gap
+    beyond = np.abs(flat[:, 0]) - 0.5 * np.pi * radius
+    angle = np.clip(flat[:, 0] / radius, -0.5 * np.pi, 0.5 * np.pi)
+    x = np.where(beyond > 0.0, -beyond, radius * np.cos(angle))
+    place = np.column_stack([x, flat[:, 1], radius * np.sin(angle)])
+    return place - [0.5 * place[:, 0].min(), 0.0, 0.0]
 
 
 def _hearts(name: str, where: Any, index: np.ndarray) -> list[int]:

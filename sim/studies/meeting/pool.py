@@ -15,10 +15,10 @@ WINDOW = 0.5
 def measure(world: Any) -> dict[str, float]:
     """Figures of the run's end.
 
-    error   rms over depth, layers of a spacing from two spacings down, of p over the weight of the water above - 1, by
-            area; p contact impulse over area and time
-    level   the same over rho g h, h the depth under the level to which the mass at rest density fills the sheet: less,
-            for poured water swells (8 % at support 2)
+    error   rms over depth, layers of a spacing, of mean p/(rho g h) - 1; p contact impulse over area and time, h depth
+            under the level of the water that stands over these places: those at least two spacings deep
+    brim    h by that level over h by the whole mass - 1, at the deepest: what stands about the brim, where the water is
+            thinner than a particle, is missing from the pool
     pins    force of the clips over the weight of cloth and water - 1
     caught  share of particle-steps in which the last step acted
     leaks   crossings
@@ -38,10 +38,11 @@ def measure(world: Any) -> dict[str, float]:
     cloth = world.state["cloth.mass"].to_numpy().astype(float).sum()
     rest, dx = world.config.fluid.liquid.rest_density, world.config.fluid.spacing
     depth = level(x, sheet.triangles, water / rest) - x[:, 2]
-    area = node_areas(x * [1.0, 1.0, 0.0], sheet.triangles)
+    area, deep = node_areas(x * [1.0, 1.0, 0.0], sheet.triangles), depth >= 2.0 * dx
+    z = ((load.column() / (rest * g) + x[:, 2]) * area)[deep].sum() / area[deep].sum()
     return {
-        "error": _by_depth(depth, load.pressure(), load.column(), area, dx),
-        "level": _by_depth(depth, load.pressure(), rest * g * depth, area, dx),
+        "error": _by_depth(z - x[:, 2], load.pressure(), rest * g, area, dx),
+        "brim": (z - x[:, 2].min()) / depth.max() - 1.0,
         "pins": load.carried()[2] / (g * (cloth + water)) - 1.0,
         "caught": counts["caught"] / particle_steps,
         "leaks": counts["leaks"],
@@ -51,11 +52,11 @@ def measure(world: Any) -> dict[str, float]:
     }
 
 
-def _by_depth(depth: np.ndarray, pressure: np.ndarray, head: np.ndarray, area: np.ndarray, dx: float) -> float:
-    """rms over layers, each of eight nodes or more, of the pressure on all its area over what it should be - 1."""
+def _by_depth(depth: np.ndarray, pressure: np.ndarray, weight: float, area: np.ndarray, dx: float) -> float:
+    """rms over layers, each of eight nodes or more, of mean pressure over weight [N/m^3] x mean depth - 1, by area."""
     layer = np.floor(depth / dx).astype(int)
     deep = [layer == k for k in np.unique(layer) if k >= 2 and (layer == k).sum() >= 8]
-    share = [(pressure * area)[at].sum() / (head * area)[at].sum() for at in deep]
+    share = [(pressure * area)[at].sum() / (weight * (depth * area)[at].sum()) for at in deep]
     return float(np.sqrt(np.mean((np.array(share) - 1.0) ** 2)))
 
 
