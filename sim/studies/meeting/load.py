@@ -11,12 +11,8 @@ class Load:
 
     carried()   force of the clips on cloth and water [N] (3,)
     pressure()  contact impulse over area and time at each node, both faces [Pa] (n,)
-    column()    weight of the water that stands over each node, over the node's area in plan [Pa] (n,)
     places()    mean place of each node [m] (n, 3)
     """
-
-    EVERY = 16
-    """Steps from one look at the columns to the next."""
 
     def __init__(self, world: Any):
         self.world, self.watching = world, False
@@ -31,7 +27,6 @@ class Load:
         nodes = self._read("cloth.inv_mass").shape[0]
         self.watching, self.time = True, 0.0
         self.impulse, self.push, self.x = np.zeros(3), np.zeros(nodes), np.zeros((nodes, 3))
-        self.looks, self.above = 0, np.zeros(nodes)
 
     def carried(self) -> np.ndarray:
         """What held nodes weigh hangs on the clips too."""
@@ -41,13 +36,7 @@ class Load:
 
     def pressure(self) -> np.ndarray:
         """A third of each triangle belongs to each of its corners."""
-        return self.push / self.time / node_areas(self.places(), self._triangles())
-
-    def column(self) -> np.ndarray:
-        """Each particle stands over the node that is nearest in plan."""
-        plan = self.places() * [1.0, 1.0, 0.0]
-        g = -self.world.config.space.gravity[2]
-        return g * self.above / len(range(0, self.looks, self.EVERY)) / node_areas(plan, self._triangles())
+        return self.push / self.time / node_areas(self.places(), self.world.scene.sheet.triangles)
 
     def places(self) -> np.ndarray:
         """Over the same time."""
@@ -65,19 +54,6 @@ class Load:
         self.push += self._read("cloth.push_front") + self._read("cloth.push_back")
         self.x += dt * self._read("cloth.x")
         self.time += dt
-        if self.looks % self.EVERY == 0:
-            self._look()
-        self.looks += 1
-
-    def _look(self) -> None:
-        living, x = int(self.world.state.count[None]), self._read("cloth.x")
-        water, mass = self._read("fluid.x")[:living], self._read("fluid.mass")[:living]
-        for part in np.array_split(np.arange(living), max(living // 500, 1)):
-            apart = ((water[part, None, :2] - x[None, :, :2]) ** 2).sum(-1)
-            self.above += np.bincount(apart.argmin(1), mass[part], len(x))
-
-    def _triangles(self) -> np.ndarray:
-        return self.world.scene.sheet.triangles
 
     def _momentum(self) -> np.ndarray:
         """Of water and free cloth [kg m/s]."""
