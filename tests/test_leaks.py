@@ -43,7 +43,7 @@ def test_nothing_gets_through_at_any_speed_and_step(ours):
 
 def test_a_step_that_nothing_else_saves_is_taken_back(ours):
     assert ours[-1]["undone"] > 0
-    assert all(row["undone"] == 0 for row in ours if row["speed"] <= 10.0)
+    assert all(row["undone"] == 0 for row in ours if row["speed"] <= 10.0 and row["cloth"] != "folded")
 
 
 def test_the_reports_contact_leaks_where_a_step_passes_its_boxes():

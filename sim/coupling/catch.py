@@ -11,7 +11,7 @@ PASSES = 8
 """Of putting one particle back, each half as far over the triangle as the one before: folds may be near."""
 CLEARANCE = 0.05
 """[dx] A caught particle is put this far over the triangle, on its entry side."""
-ROUNDS = 2
+ROUNDS = 4
 """Of holding triangles that pinch a particle where the step began; then the whole step is taken back."""
 
 
