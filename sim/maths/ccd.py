@@ -18,6 +18,8 @@ them may be parted by sqrt(3) 2^-23)."""
 ROUNDING = 2.0**-48
 """[1] of the product of the largest edges: error of the cubic in f64, with room."""
 BISECTIONS = 50
+INSIDE = 1e-7
+"""[1] Slack of barycentric weights, where no length is at hand to hold a gap against."""
 STRIDES_MAX = 1000
 """Of a walk; a point that slides through the plane beside the triangle, nearer to it than its way / 1000, is a hit."""
 
@@ -92,25 +94,30 @@ def _knots(c):
 
 
 @ti.func
+def _bisect(c, a, b):
+    """Where a cubic that changes sign between a and b does so."""
+    lo, hi = a, b
+    f_lo = cubic(c, lo)
+    for _ in range(BISECTIONS):
+        mid = 0.5 * (lo + hi)
+        f = cubic(c, mid)
+        if (f > 0.0) == (f_lo > 0.0):
+            lo = mid
+        else:
+            hi = mid
+    return 0.5 * (lo + hi)
+
+
+@ti.func
 def _times(c, a, b, eps):
     """(first, root, last): when a monotone piece a-b reaches -eps, 0 and eps, or the reverse; a or b if beyond."""
     upward = 1.0 if cubic(c, a) <= cubic(c, b) else -1.0
-    times = ti.Vector([a, a, b], ti.f64)
+    times = ti.Vector([a, a, a], ti.f64)
     for j in range(3):
-        level = eps * ti.cast(j - 1, ti.f64)
-        lo, hi = a, b
-        for _ in range(BISECTIONS):
-            mid = 0.5 * (lo + hi)
-            if upward * cubic(c, mid) < level:
-                lo = mid
-            else:
-                hi = mid
-        if j == 0:
-            times[0] = lo
-        elif j == 1:
-            times[1] = hi
-        else:
-            times[2] = hi
+        shifted = c
+        shifted[0] -= upward * eps * ti.cast(j - 1, ti.f64)
+        if upward * cubic(shifted, a) < 0.0:
+            times[j] = _bisect(shifted, a, b)
     return times
 
 
