@@ -32,6 +32,9 @@ def leak_chart(csv_path: Path, png_path: Path) -> None:
             line[0].set_ylabel("Time step [ms]")
         for axes in panels[-1]:
             axes.set_xlabel("Speed [m/s]")
+        thicknesses = sorted({float(r["thickness"]) for r in rows})
+        words = ", ".join(f"{1e3 * t:g}" for t in thicknesses)
+        figure.supxlabel(f"In each cell, from below: cloth {words} mm thick", fontsize=9, x=0.01, ha="left")
         scale = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(0.0, 1.0), LEAKS)
         figure.colorbar(scale, ax=panels, label="Crossings a particle (blue: none)", shrink=0.6, pad=0.02)
         save(figure, png_path)
@@ -58,9 +61,7 @@ def _panel(axes, rows: list[dict[str, str]], contact: str, cloth: str) -> None:
     axes.set_yticks(range(len(steps)), [f"{1e3 * s:g}" for s in steps])
     axes.set_title(f"{NAMES.get(contact, contact)}: {cloth} sheet", fontsize=10)
     axes.grid(visible=False)
-    if len(thicknesses) > 1 and share.any():
-        axes.text(0.0, -0.02, f"in each: {', '.join(f'{1e3 * t:g}' for t in thicknesses)} mm from below",
-                  transform=axes.transAxes, fontsize=7, va="bottom", color="#444444")  # fmt: skip
+    axes.set_ylim(-0.5, len(steps) - 0.5)
 
 
 def _read(path: Path) -> list[dict[str, str]]:

@@ -113,3 +113,19 @@ def test_what_the_reports_contact_does_not_know_is_refused(extra, line, tmp_path
     with pytest.raises(ConfigError) as caught:
         load(path)
     assert line in str(caught.value)
+
+
+def test_the_chart_is_drawn_from_its_csv_alone(tmp_path):
+    import imageio.v3 as iio
+
+    from render.leaks import leak_chart
+    from sim.studies.ablate import write_table
+    from sim.studies.leaks import COLUMNS, verdict
+
+    fine = {"contact": "ccd", "cloth": "flat", "thickness": 5e-4, "speed": 1.0, "dt": 1e-3, "particles": 10, "steps": 4}
+    fine |= {"caught": 1, "undone": 0, "leaks": 0, "failure": ""}
+    rows = [fine, fine | {"contact": "plane_reflect", "leaks": 7}]
+    write_table(tmp_path / "leaks.csv", COLUMNS, rows)
+    leak_chart(tmp_path / "leaks.csv", tmp_path / "leaks.png")
+    assert iio.imread(tmp_path / "leaks.png").std() > 10
+    assert verdict(rows).splitlines()[0] == "ccd: 0 of 1 throws leak"
