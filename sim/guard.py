@@ -108,6 +108,6 @@ def _place(x: np.ndarray) -> str:
 
 def _remedy(what: str, config) -> str:
     if what != "particle":
-        return "lower cloth.xpbd.substep_max"
+        return f"lower cloth.{config.cloth.method}.substep_max"
     cfl = hasattr(getattr(config.fluid, "params", None), "cfl")
     return f"lower fluid.{config.fluid.method}.cfl" if cfl else "lower run.dt_max"

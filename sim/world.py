@@ -148,7 +148,7 @@ class World:
             guard.check_density(self.build.parts["pairs"].density()[:living], x, ids, now, config, suspects)
         if config.cloth:
             x, v = (self.state[f"cloth.{n}"].to_numpy() for n in "xv")
-            guard.check_things("cloth node", x, v, np.arange(len(x)), now, config)
+            guard.check_things("cloth node", x, v, np.arange(len(x)), now, config, self.build.parts["cloth"].suspects())
         if config.coupling and self.build.parts["contact"].tight:
             guard.check_leaks(self.build.parts["contact"].counts()["leaks"], now)
 

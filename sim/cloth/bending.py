@@ -1,4 +1,4 @@
-"""How a sheet resists bending. The choice is built into the sheet's springs: see sim.scene.cloth."""
+"""How a sheet resists bending. The choice is built into the sheet: see sim.scene.cloth and sim.cloth.isometric."""
 
 from sim.model import Model
 from sim.registry import register
@@ -10,6 +10,14 @@ class Flexion:
 
     class Params(Model):
         """None: their stiffness follows from the fabric's bending stiffness and the mesh."""
+
+
+@register("cloth.bending", "isometric")
+class IsometricBending:
+    """E = (B/2) sum a^2 (|dxx x|^2 + |dyy x|^2 + 2 |dxy x|^2): a plate's, at every mesh width.   Bergou et al. 2006"""
+
+    class Params(Model):
+        """None: B is the fabric's."""
 
 
 @register("cloth.bending", "none")

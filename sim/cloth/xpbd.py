@@ -9,12 +9,14 @@ from sim.bodies import Bodies
 from sim.cloth.board import LANES, Board
 from sim.cloth.contact import SolidContact
 from sim.cloth.damping import damp_relative, largest_speed
+from sim.cloth.isometric import Isometric
 from sim.cloth.measure import Measure
+from sim.cloth.spectrum import top_frequency
 from sim.cloth.strain_limit import Tethers
 from sim.cloth.sweep import CLEARING, Sweep
 from sim.model import Model, quantity
 from sim.registry import register
-from sim.stage import Build, Stage
+from sim.stage import Build, Stage, Suspect
 
 SETTLE_STEP = 0.02
 """[s] Between two looks at whether the sheet is at rest; less costs kernel calls."""
@@ -48,6 +50,8 @@ class Xpbd:
 
     rows = ("cloth.x", "cloth.v", "cloth.mass", "cloth.inv_mass")
     scratch = ()
+    elastic = 1.0
+    """1.0: springs are constraints, corrected by sweeps; 0.0: forces, and sweeps hold the strain limit alone."""
 
     def __init__(self, build: Build, params: Params):
         sheet, cloth = build.scene.sheet, build.config.cloth
@@ -58,8 +62,12 @@ class Xpbd:
         self.mass, self.inv_mass = build.state["cloth.mass"], build.state["cloth.inv_mass"]
         self.board = Board(sheet.shape)
         self.sweep = Sweep(sheet.families, self.board, cloth.strain_limit)
+        self.sweeps = self.elastic > 0.0 or self.sweep.limited
+        self.bending = Isometric(sheet, self.board)
+        self.pull = [ti.field(self.board.real, self.board.half) for _ in range(3)]
         self.tethers = Tethers(sheet, self.board, cloth.strain_limit)
         self.contact = SolidContact(Bodies.of(build), sheet.thickness, self.board)
+        self.bending_rate_sq = top_frequency(sheet, springs=False) ** 2 if self.bending.present else 0.0
         self.measure = Measure(sheet, self.x, self.v, self.mass)
         self.guests = build.parts.setdefault("guests", [])
 
@@ -67,7 +75,7 @@ class Xpbd:
         """One: the sheet, and what touches it, over dt."""
         reads = self.rows + tuple(name for guest in self.guests for name in guest.reads)
         writes = ("cloth.x", "cloth.v") + tuple(name for guest in self.guests for name in guest.writes)
-        return (Stage("cloth.xpbd", "cloth", self.run, reads=reads, writes=writes),)
+        return (Stage(f"cloth.{self.name}", "cloth", self.run, reads=reads, writes=writes),)
 
     def run(self, dt: float) -> None:
         """dt seconds in ceil(dt/substep_max) equal substeps."""
@@ -79,9 +87,17 @@ class Xpbd:
 
     def advance(self, dt: float, damping: float, drag: float) -> None:
         """The step itself. damping [1/s]: of motion that is not rigid; drag [1/s]: of all motion."""
-        count = max(1, math.ceil(dt / self.params.substep_max - 1e-9))
+        count = max(1, math.ceil(dt / self.substep_max() - 1e-9))
         kept, left = math.exp(-damping * dt), math.exp(-drag * dt)
         self._advance(count, dt / count, tm.vec3(self.gravity), kept, left)
+
+    def substep_max(self) -> float:
+        """The longest substep [s]."""
+        return self.params.substep_max
+
+    def suspects(self) -> tuple[Suspect, ...]:
+        """Settings known to fail, for the guard: none, for no step is too long to be stable."""
+        return ()
 
     def settle(self, seconds: float) -> None:
         """Hang for `seconds` under strong drag, water or not, or until at rest; end with every velocity 0."""
@@ -138,13 +154,15 @@ class Xpbd:
         for _ in range(1):
             self._load(count * h, gravity)
             for step in range(count + CLEARING):  # one sweep in the code, for it is dear to compile
-                elastic = 1.0 if step < count else 0.0
+                elastic = self.elastic if step < count else 0.0
                 if step < count:
                     self._predict(h, gravity)
                     for guest in ti.static(self.guests):
                         guest.predict(h)
-                if step < count or self.sweep.wanted(step - count):
-                    self.sweep.run(h, elastic)
+                    self._resist(h)
+                if ti.static(self.sweeps):
+                    if step < count or self.sweep.wanted(step - count):
+                        self.sweep.run(h, elastic)
                 if step < count:
                     self.tethers.project()
                     self.contact.project(h, (step + 1) * h)
@@ -181,6 +199,30 @@ class Xpbd:
                 x, v = self.board.get(self.board.x[d], at), self.board.get(self.board.v[d], at)
                 self.board.put(self.board.start[d], at, x)
                 self.board.put(self.board.x[d], at, x + h * v + free * gravity[d])
+
+    @ti.func
+    def _resist(self, h):
+        """Isometric bending as a force at the predicted places, as stiff as a substep can carry."""
+        if ti.static(self.bending.present):
+            self._clear()
+            self.bending.add(self.pull, self.board.x, ti.min(1.0, 1.0 / (h * h * self.bending_rate_sq)))
+            self._kick(h * h)
+
+    @ti.func
+    def _clear(self):
+        for at in range(self.board.half):
+            for d in ti.static(range(3)):
+                self.pull[d][at] = 0.0
+
+    @ti.func
+    def _kick(self, h_sq):
+        """x += h^2 w pull."""
+        for block in range(self.board.half // LANES):
+            at = block * LANES
+            w = h_sq * self.board.get(self.board.w, at)
+            for d in ti.static(range(3)):
+                x, f = self.board.get(self.board.x[d], at), self.board.get(self.pull[d], at)
+                self.board.put(self.board.x[d], at, x + w * f)
 
     @ti.func
     def _finish(self, h):

@@ -43,6 +43,7 @@ class Sheet:
     shape        (ni, nj)      nodes along each side
     spacing      ()            mesh width [m]
     thickness    ()            [m]
+    bending      ()            plate stiffness B of isometric bending, 0 with another kind [N m]
     x            (n, 3)        initial place, clips where they hold it [m]
     uv           (n, 2)        material coordinates, from corner (0, 0) [m]
     mass         (n,)          lumped dry mass: border nodes half, corners a quarter [kg]
@@ -58,6 +59,7 @@ class Sheet:
     shape: tuple[int, int]
     spacing: float
     thickness: float
+    bending: float
     x: np.ndarray
     uv: np.ndarray
     mass: np.ndarray
@@ -84,6 +86,7 @@ def build_sheet(cloth: Any) -> Sheet:
         shape=shape,
         spacing=a,
         thickness=cloth.fabric.thickness,
+        bending=cloth.fabric.bending if cloth.bending == "isometric" else 0.0,
         x=hang(cloth, uv, shape, owner) @ frame_axes(cloth.normal) + np.asarray(cloth.centre),
         uv=uv,
         mass=mass,

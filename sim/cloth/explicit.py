@@ -1,0 +1,169 @@
+"""Explicit solvers: the force of every spring, once a substep, moves the sheet. Fast and right in steps short enough."""
+
+import math
+
+import taichi as ti
+
+from sim.cloth.board import LANES
+from sim.cloth.forces import SpringForces
+from sim.cloth.spectrum import top_frequency
+from sim.cloth.xpbd import Xpbd
+from sim.model import Model, quantity
+from sim.registry import register
+from sim.stage import Build, Limit, Suspect
+
+MARGIN = 0.9
+"""[1] Of the limit that is taken where a scene leaves the substep open: springs that turn and stretch vary theirs."""
+OVERSTEP = 1.01
+"""[1] times the limit. It is the very edge, not a rule of thumb."""
+
+
+class Forced(Xpbd):
+    """What both have: springs as forces of the places and velocities at the substep's start.
+
+    Clips, guests, contact with solids, tethers, damping and settling as `xpbd` has them; the strain limit by one sweep
+    a substep that only shortens (Provot 1995).
+    """
+
+    elastic = 0.0
+
+    def __init__(self, build: Build, params):
+        super().__init__(build, params)
+        self.forces = SpringForces(self.sheet.families, self.board)
+        self.leading = [ti.field(self.board.real, self.board.half) for _ in range(3)]
+        self.frequency = top_frequency(self.sheet)
+        self.obeys = getattr(getattr(build.config, "run", None), "dt_limits", True)
+        self.settling = False
+        self.longest = 0.0
+
+    def substep_max(self) -> float:
+        """cloth.METHOD.substep_max, within the limit where limits are obeyed [s]."""
+        asked = self.params.substep_max or math.inf
+        if self.settling or self.obeys:
+            asked = min(asked, MARGIN * self._stable(self.settling))
+        return asked
+
+    def limit(self) -> Limit:
+        """The longest substep that is stable, by the sheet's own fastest swing [s]; 0 where none is."""
+        raise NotImplementedError
+
+    def _stable(self, settling: bool) -> float:
+        """A substep to take [s]."""
+        return self.limit().seconds
+
+    def advance(self, dt: float, damping: float, drag: float) -> None:
+        """See Xpbd; notes the longest substep for the guard."""
+        self.longest = max(self.longest, dt / max(1, math.ceil(dt / self.substep_max() - 1e-9)))
+        super().advance(dt, damping, drag)
+
+    def suspects(self) -> tuple[Suspect, ...]:
+        """A substep beyond the limit."""
+        limit = self.limit()
+        if self.longest <= OVERSTEP * limit.seconds:
+            return ()
+        words = (
+            f"substeps of {1e3 * self.longest:.3g} ms are {self.longest / limit.seconds:.3g} x the {limit.name} limit of "
+            f"{1e3 * limit.seconds:.3g} ms, set run.dt_limits = true or lower cloth.{self.name}.substep_max"
+        )
+        return (Suspect("exploding", words),)
+
+    @ti.func
+    def _sum_forces(self):
+        """pull = force of springs and bending at the substep's start."""
+        self._clear()
+        retardation = self.params.retardation
+        self.forces.add(self.pull, self.board.start, retardation)
+        if ti.static(self.bending.present):
+            for block in range(self.board.half // LANES):
+                at = block * LANES
+                for d in ti.static(range(3)):
+                    x, v = self.board.get(self.board.start[d], at), self.board.get(self.board.v[d], at)
+                    self.board.put(self.leading[d], at, x + retardation * v)
+            self.bending.add(self.pull, self.leading, 1.0)
+
+
+class ForcedParams(Model):
+    """What both read."""
+
+    substep_max: float | None = quantity(None, "time", gt=0, why="absent = as long as is stable")
+    damping: float = quantity("0.2 1/s", ge=0, why="of velocity relative to the sheet's own rigid motion")
+    retardation: float = quantity("0 s", "time", ge=0, why="of the threads: tension k (dl + tau dl/dt); 0 = none")
+
+
+@register("cloth.solver", "symplectic_euler")
+@ti.data_oriented
+class SymplecticEuler(Forced):
+    """v += h a(x, v), x += h v: stable for h < (2/omega)(sqrt(1 + zeta^2) - zeta), zeta = tau omega/2.   Order 1."""
+
+    class Params(ForcedParams):
+        """[cloth.symplectic_euler]"""
+
+    def limit(self) -> Limit:
+        """(2/omega)(sqrt(1 + zeta^2) - zeta): damping is taken at the velocity before."""
+        omega, zeta = self.frequency, 0.5 * self.params.retardation * self.frequency
+        return Limit(2.0 / omega * (math.sqrt(1.0 + zeta**2) - zeta), "symplectic Euler")
+
+    @ti.func
+    def _resist(self, h):
+        self._sum_forces()
+        self._kick(h * h)
+
+
+@register("cloth.solver", "explicit_euler")
+@ti.data_oriented
+class ExplicitEuler(Forced):
+    """x += h v, v += h a(x, v), both from before (the 2019 report's): fails at every h unless threads are damped.
+
+    With a retardation time tau it is stable for h < tau, and h < 2/(omega (zeta + sqrt(zeta^2 - 1))) where zeta > 1.
+    """
+
+    class Params(ForcedParams):
+        """[cloth.explicit_euler]"""
+
+    def __init__(self, build: Build, params):
+        super().__init__(build, params)
+        self.lagged = ti.field(self.board.real, ())
+        self.lagged[None] = 1.0
+
+    def limit(self) -> Limit:
+        """Modes with zeta = tau omega/2 < 1 need h < tau, the stiffest of the others 2 over its faster rate."""
+        tau, omega = self.params.retardation, self.frequency
+        zeta = 0.5 * tau * omega
+        fast = 2.0 / (omega * (zeta + math.sqrt(zeta**2 - 1.0))) if zeta > 1.0 else math.inf
+        return Limit(min(tau, fast), "explicit Euler")
+
+    def _stable(self, settling: bool) -> float:
+        """Hanging at rest goes by the symplectic rule; without damping no step is stable, and that one is as good."""
+        omega, zeta = self.frequency, 0.5 * self.params.retardation * self.frequency
+        symplectic = 2.0 / omega * (math.sqrt(1.0 + zeta**2) - zeta)
+        return symplectic if settling or self.limit().seconds == 0.0 else self.limit().seconds
+
+    def suspects(self) -> tuple[Suspect, ...]:
+        """No damping, or a substep beyond the limit."""
+        if self.params.retardation > 0.0:
+            return super().suspects()
+        words = (
+            "explicit Euler without damping gains energy at every dt, set cloth.explicit_euler.retardation or "
+            "cloth.method = symplectic_euler"
+        )
+        return (Suspect("exploding", words),)
+
+    def settle(self, seconds: float) -> None:
+        """By the symplectic rule: at rest the two agree."""
+        self.settling, self.lagged[None] = True, 0.0
+        super().settle(seconds)
+        self.settling, self.lagged[None] = False, 1.0
+
+    @ti.func
+    def _resist(self, h):
+        """The place keeps what the old velocity gives it; what forces add shows in start, from which v is read."""
+        self._sum_forces()
+        self._kick(h * h)
+        for block in range(self.board.half // LANES):
+            at = block * LANES
+            for d in ti.static(range(3)):
+                x, start = self.board.get(self.board.x[d], at), self.board.get(self.board.start[d], at)
+                v = self.board.get(self.board.v[d], at)
+                gain = self.lagged[None] * (x - start - h * v)
+                self.board.put(self.board.x[d], at, x - gain)
+                self.board.put(self.board.start[d], at, start - gain)
