@@ -32,7 +32,6 @@ class Forced(Xpbd):
         self.forces = SpringForces(self.sheet.families, self.board)
         self.leading = [ti.field(self.board.real, self.board.half) for _ in range(3)]
         self.frequency = top_frequency(self.sheet)
-        self.obeys = getattr(getattr(build.config, "run", None), "dt_limits", True)
         self.settling = False
         self.longest = 0.0
 

@@ -56,3 +56,39 @@ class SpringForces:
         self.board.put_three(force, p, fx + s * dx, fy + s * dy, fz + s * dz)
         gx, gy, gz = self.board.get_three(force, q)
         self.board.put_three(force, q, gx - s * dx, gy - s * dy, gz - s * dz)
+
+    @ti.func
+    def add_change(self, force: ti.template(), x: ti.template(), u: ti.template(), scale, forces):
+        """force += scale (K(x) u - forces f(x)): by how much less springs pull where the places x are moved by u.
+
+        K = k (n n^T + max(0, 1 - L/|d|) (1 - n n^T)), n = d/|d|: what is negative across a short spring is left out.
+        """
+        for n in range(self.count):
+            for i in range(self.rows[n]):
+                for block in range(self.blocks[n]):
+                    column = block * LANES
+                    stiffness = scale * self.row[n, i] * self.board.get(self.column, n * self.pitch + column)
+                    p = self.first[n] + i * self.pitch + column
+                    self._add_change(force, x, u, p, p + self.second[n] - self.first[n], stiffness, self.rest[n], forces)
+
+    @ti.func
+    def _add_change(self, force: ti.template(), x: ti.template(), u: ti.template(), p, q, stiffness, rest, forces):
+        ax, ay, az = self.board.get_three(x, p)
+        bx, by, bz = self.board.get_three(x, q)
+        ux, uy, uz = self.board.get_three(u, p)
+        vx, vy, vz = self.board.get_three(u, q)
+        dx, dy, dz = bx - ax, by - ay, bz - az
+        ex, ey, ez = vx - ux, vy - uy, vz - uz
+        length_sq = ti.max(dx * dx + dy * dy + dz * dz, 1e-24)
+        strain = 1.0 - rest / ti.sqrt(length_sq)
+        across = ti.max(strain, 0.0)
+        along = (1.0 - across) * (ex * dx + ey * dy + ez * dz) / length_sq + forces * strain
+        gx, gy, gz = (
+            stiffness * (along * dx + across * ex),
+            stiffness * (along * dy + across * ey),
+            stiffness * (along * dz + across * ez),
+        )
+        fx, fy, fz = self.board.get_three(force, p)
+        self.board.put_three(force, p, fx - gx, fy - gy, fz - gz)
+        hx, hy, hz = self.board.get_three(force, q)
+        self.board.put_three(force, q, hx + gx, hy + gy, hz + gz)

@@ -67,7 +67,9 @@ class Xpbd:
         self.pull = [ti.field(self.board.real, self.board.half) for _ in range(3)]
         self.tethers = Tethers(sheet, self.board, cloth.strain_limit)
         self.contact = SolidContact(Bodies.of(build), sheet.thickness, self.board)
-        self.bending_rate_sq = top_frequency(sheet, springs=False) ** 2 if self.bending.present else 0.0
+        bend = top_frequency(sheet, springs=False) if self.bending.present else 0.0
+        self.whole_bend = 1.0 / bend if bend else math.inf
+        self.obeys = getattr(getattr(build.config, "run", None), "dt_limits", True)
         self.measure = Measure(sheet, self.x, self.v, self.mass)
         self.guests = build.parts.setdefault("guests", [])
 
@@ -92,8 +94,8 @@ class Xpbd:
         self._advance(count, dt / count, tm.vec3(self.gravity), kept, left)
 
     def substep_max(self) -> float:
-        """The longest substep [s]."""
-        return self.params.substep_max
+        """cloth.METHOD.substep_max, and no longer than bending can be taken in whole [s]."""
+        return min(self.params.substep_max, self.whole_bend if self.obeys else math.inf)
 
     def suspects(self) -> tuple[Suspect, ...]:
         """Settings known to fail, for the guard: none, for no step is too long to be stable."""
@@ -202,10 +204,10 @@ class Xpbd:
 
     @ti.func
     def _resist(self, h):
-        """Isometric bending as a force at the predicted places, as stiff as a substep can carry."""
+        """Isometric bending as a force at the predicted places, no stiffer than a substep of h can carry."""
         if ti.static(self.bending.present):
             self._clear()
-            self.bending.add(self.pull, self.board.x, ti.min(1.0, 1.0 / (h * h * self.bending_rate_sq)))
+            self.bending.add(self.pull, self.board.x, ti.min(1.0, (self.whole_bend / h) ** 2))
             self._kick(h * h)
 
     @ti.func
