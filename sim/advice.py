@@ -6,7 +6,8 @@ import math
 import os
 from typing import Any
 
-from sim import guard, run
+from sim import guard, registry, run
+from sim.cloth.spectrum import top_frequency
 from sim.errors import SeepError
 from sim.fluid import roster
 from sim.scene.build import SceneData, build_scene
@@ -38,6 +39,7 @@ def scene(conf: Config) -> str:
     rows += _cloth(conf) if conf.cloth else []
     rows.append(("speed", f"{speed:.2g} m/s expected{_of_speed(conf)}; {guard.EXPLODING:g} times that is exploding"))
     limits = sorted(_limits(conf), key=lambda limit: limit[0])
+    rows += _substeps(conf, data) if conf.cloth else []
     rows += [("dt", f"{seconds:.2g} s by {what}") for seconds, what, _ in limits]
     rows.append(("binds", f"{limits[0][1]}; to step farther: {limits[0][2]}"))
     rows += _resolved(conf) if conf.fluid else []
@@ -90,6 +92,20 @@ def _cloth(conf: Config) -> list[tuple[str, str]]:
     across, along = conf.cloth.node_counts
     triangles = 2 * (across - 1) * (along - 1)
     return [("cloth", f"{across} x {along} nodes, {triangles:,} triangles, {conf.cloth.method}")]
+
+
+def _substeps(conf: Config, data: SceneData) -> list[tuple[str, str]]:
+    """Within a step the sheet takes its own: how long they may be."""
+    solver, params = registry.method("cloth.solver", conf.cloth.method), conf.cloth.params
+    asked = params.substep_max
+    if not hasattr(solver, "bound"):
+        return [("substep", f"{asked:.2g} s by cloth.{solver.name}.substep_max; stable at every length")]
+    omega = top_frequency(data.sheet)
+    limit = solver.bound(params, omega)
+    if not limit.seconds:
+        return [("fails", f"{solver.name} without damping gains energy at every dt; set its retardation")]
+    words = f"{limit.seconds:.2g} s, the limit of {limit.name}: the sheet's fastest swing is {omega:.3g} 1/s"
+    return [("substep", words if not asked or asked > limit.seconds else f"{asked:.2g} s, under {words}")]
 
 
 def _limits(conf: Config) -> list[tuple[float, str, str]]:

@@ -31,6 +31,11 @@ def warnings(config: Config) -> tuple[str, ...]:
             f"fluid.support = {config.fluid.support:g} is too short for surface_tension: under {TENSION_SUPPORT:g} the "
             "particles' own order pulls as hard as the surface"
         )
+    if config.cloth and config.cloth.method == "explicit_euler" and not config.cloth.params.retardation:
+        found.append(
+            "cloth.method = explicit_euler without damping gains energy at every dt and fails; set "
+            "cloth.explicit_euler.retardation, or take symplectic_euler"
+        )
     return tuple(found)
 
 
@@ -177,6 +182,9 @@ def _exchange(config: Config) -> list[Problem]:
     if config.coupling and not (config.fluid and config.cloth):
         missing = "fluid" if not config.fluid else "cloth"
         found.append(Problem("coupling", f"needs [fluid] and [cloth]; [{missing}] is missing"))
+    if config.coupling and config.cloth and config.cloth.method != "xpbd":
+        text = "feels no water: [coupling] is solved inside the substeps of xpbd; choose xpbd or leave [coupling] out"
+        found.append(Problem("cloth.method", text))
     if config.wetting and not config.coupling:
         found.append(Problem("wetting", "needs [coupling]"))
     if config.coupling and config.coupling.contact == "plane_reflect":

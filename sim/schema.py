@@ -238,20 +238,26 @@ class Fabric(Model):
         return self
 
 
-class Pin(Model):
-    """[cloth.pins.NAME]: clips that hold nodes; each takes in the nodes within `clip` along the edges."""
+WORDS = ("corners", "edges", "left", "right", "front", "back")
+"""For the nodes that a pin holds."""
 
-    where: Literal["corners", "edges"] | tuple[tuple[int, int], ...] = option(REQUIRED)
+
+class Pin(Model):
+    """[cloth.pins.NAME]: clips that hold nodes; each takes in the nodes within `clip`. left, right: i = 0 and the last;
+    front, back: j = 0 and the last; a clip of n spacings along them holds n + 1 rows.
+    """
+
+    where: Literal["corners", "edges", "left", "right", "front", "back"] | tuple[tuple[int, int], ...] = option(REQUIRED)
     clip: float = quantity("15 mm", "length", ge=0, why="a clip, not a point: a point pin strains without bound")
 
     @field_validator("where", mode="before")
     @classmethod
     def _where(cls, value: Any) -> Any:
-        if value in ("corners", "edges"):
+        if value in WORDS:
             return value
         if isinstance(value, (list, tuple)) and value and all(_is_node(v) for v in value):
             return tuple((int(i), int(j)) for i, j in value)
-        raise fault('choose "corners", "edges" or a list of nodes such as [[0, 0], [40, 0]]')
+        raise fault(f"choose {', '.join(WORDS)} or a list of nodes such as [[0, 0], [40, 0]]")
 
 
 def _is_node(value: Any) -> bool:
@@ -270,7 +276,7 @@ class Cloth(Model):
     fold: float | None = quantity(None, "length", gt=0, why="folded in half, layers this far apart; absent = flat")
     settle: float = quantity("0 s", "time", ge=0, why="hang at rest before t = 0, in no ledger")
     method: str = option("xpbd", why="stable at every step")
-    bending: str = option("flexion", why="the springs over two meshes; none for none")
+    bending: str = option("flexion", why="springs over two meshes; isometric: a plate's, at every mesh; none")
     strain_limit: float | None = quantity(None, gt=0, le=1, why="Provot; absent = no limit")
     fabric: Fabric
     pins: dict[str, Pin] = Field(default_factory=dict)

@@ -30,6 +30,8 @@ class Forced(Xpbd):
     def __init__(self, build: Build, params):
         super().__init__(build, params)
         self.forces = SpringForces(self.sheet.families, self.board)
+        self.retardation = ti.field(self.board.real, ())
+        self.retardation[None] = params.retardation
         self.leading = [ti.field(self.board.real, self.board.half) for _ in range(3)]
         self.frequency = top_frequency(self.sheet)
         self.settling = False
@@ -39,14 +41,25 @@ class Forced(Xpbd):
         """cloth.METHOD.substep_max, within the limit where limits are obeyed [s]."""
         asked = self.params.substep_max or math.inf
         if self.settling or self.obeys:
-            asked = min(asked, MARGIN * self._stable(self.settling))
+            asked = min(asked, MARGIN * self._stable())
         return asked
 
-    def limit(self) -> Limit:
-        """The longest substep that is stable, by the sheet's own fastest swing [s]; 0 where none is."""
+    def settle(self, seconds: float) -> None:
+        """See Xpbd; in stable substeps, whatever the run does."""
+        self.settling = True
+        super().settle(seconds)
+        self.settling, self.longest = False, 0.0
+
+    @staticmethod
+    def bound(params, omega: float) -> Limit:
+        """The longest stable substep of a sheet whose fastest swing is omega [rad/s]; 0 s where none is."""
         raise NotImplementedError
 
-    def _stable(self, settling: bool) -> float:
+    def limit(self) -> Limit:
+        """That of this sheet."""
+        return self.bound(self.params, self.frequency)
+
+    def _stable(self) -> float:
         """A substep to take [s]."""
         return self.limit().seconds
 
@@ -61,8 +74,8 @@ class Forced(Xpbd):
         if self.longest <= OVERSTEP * limit.seconds:
             return ()
         words = (
-            f"substeps of {1e3 * self.longest:.3g} ms are {self.longest / limit.seconds:.3g} x the {limit.name} limit of "
-            f"{1e3 * limit.seconds:.3g} ms, set run.dt_limits = true or lower cloth.{self.name}.substep_max"
+            f"cloth substeps of {1e3 * self.longest:.3g} ms are {self.longest / limit.seconds:.3g} x the {limit.name} "
+            f"limit of {1e3 * limit.seconds:.3g} ms, set run.dt_limits = true or lower cloth.{self.name}.substep_max"
         )
         return (Suspect("exploding", words),)
 
@@ -70,7 +83,7 @@ class Forced(Xpbd):
     def _sum_forces(self):
         """pull = force of springs and bending at the substep's start."""
         self._clear()
-        retardation = self.params.retardation
+        retardation = self.retardation[None]
         self.forces.add(self.pull, self.board.start, retardation)
         if ti.static(self.bending.present):
             for block in range(self.board.half // LANES):
@@ -97,9 +110,10 @@ class SymplecticEuler(Forced):
     class Params(ForcedParams):
         """[cloth.symplectic_euler]"""
 
-    def limit(self) -> Limit:
-        """(2/omega)(sqrt(1 + zeta^2) - zeta): damping is taken at the velocity before."""
-        omega, zeta = self.frequency, 0.5 * self.params.retardation * self.frequency
+    @staticmethod
+    def bound(params, omega: float) -> Limit:
+        """(2/omega)(sqrt(1 + zeta^2) - zeta), zeta = tau omega/2: damping is taken at the velocity before."""
+        zeta = 0.5 * params.retardation * omega
         return Limit(2.0 / omega * (math.sqrt(1.0 + zeta**2) - zeta), "symplectic Euler")
 
     @ti.func
@@ -124,18 +138,17 @@ class ExplicitEuler(Forced):
         self.lagged = ti.field(self.board.real, ())
         self.lagged[None] = 1.0
 
-    def limit(self) -> Limit:
+    @staticmethod
+    def bound(params, omega: float) -> Limit:
         """Modes with zeta = tau omega/2 < 1 need h < tau, the stiffest of the others 2 over its faster rate."""
-        tau, omega = self.params.retardation, self.frequency
-        zeta = 0.5 * tau * omega
+        tau, zeta = params.retardation, 0.5 * params.retardation * omega
         fast = 2.0 / (omega * (zeta + math.sqrt(zeta**2 - 1.0))) if zeta > 1.0 else math.inf
         return Limit(min(tau, fast), "explicit Euler")
 
-    def _stable(self, settling: bool) -> float:
+    def _stable(self) -> float:
         """Hanging at rest goes by the symplectic rule; without damping no step is stable, and that one is as good."""
-        omega, zeta = self.frequency, 0.5 * self.params.retardation * self.frequency
-        symplectic = 2.0 / omega * (math.sqrt(1.0 + zeta**2) - zeta)
-        return symplectic if settling or self.limit().seconds == 0.0 else self.limit().seconds
+        own = self.limit().seconds
+        return own if own and not self.settling else SymplecticEuler.bound(self.params, self.frequency).seconds
 
     def suspects(self) -> tuple[Suspect, ...]:
         """No damping, or a substep beyond the limit."""
@@ -149,9 +162,9 @@ class ExplicitEuler(Forced):
 
     def settle(self, seconds: float) -> None:
         """By the symplectic rule: at rest the two agree."""
-        self.settling, self.lagged[None] = True, 0.0
+        self.lagged[None] = 0.0
         super().settle(seconds)
-        self.settling, self.lagged[None] = False, 1.0
+        self.lagged[None] = 1.0
 
     @ti.func
     def _resist(self, h):

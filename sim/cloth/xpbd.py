@@ -69,9 +69,12 @@ class Xpbd:
         self.contact = SolidContact(Bodies.of(build), sheet.thickness, self.board)
         bend = top_frequency(sheet, springs=False) if self.bending.present else 0.0
         self.whole_bend = 1.0 / bend if bend else math.inf
+        self.bend_within = ti.field(self.board.real, ())
+        self.bend_within[None] = self.whole_bend
         self.obeys = getattr(getattr(build.config, "run", None), "dt_limits", True)
         self.measure = Measure(sheet, self.x, self.v, self.mass)
         self.guests = build.parts.setdefault("guests", [])
+        self.simulated, self.substeps = 0.0, 0
 
     def stages(self) -> tuple[Stage, ...]:
         """One: the sheet, and what touches it, over dt."""
@@ -90,6 +93,7 @@ class Xpbd:
     def advance(self, dt: float, damping: float, drag: float) -> None:
         """The step itself. damping [1/s]: of motion that is not rigid; drag [1/s]: of all motion."""
         count = max(1, math.ceil(dt / self.substep_max() - 1e-9))
+        self.simulated, self.substeps = self.simulated + dt, self.substeps + count
         kept, left = math.exp(-damping * dt), math.exp(-drag * dt)
         self._advance(count, dt / count, tm.vec3(self.gravity), kept, left)
 
@@ -104,7 +108,7 @@ class Xpbd:
     def settle(self, seconds: float) -> None:
         """Hang for `seconds` under strong drag, water or not, or until at rest; end with every velocity 0."""
         rest = 0.5 * float(self.sheet.mass.sum()) * SETTLED_SPEED**2
-        for _ in range(max(1, round(seconds / SETTLE_STEP))):
+        for _ in range(math.ceil(seconds / SETTLE_STEP - 1e-9)):
             self.advance(SETTLE_STEP, self.params.damping, SETTLE_DRAG)
             if self.kinetic_energy() < rest:
                 break
@@ -207,7 +211,7 @@ class Xpbd:
         """Isometric bending as a force at the predicted places, no stiffer than a substep of h can carry."""
         if ti.static(self.bending.present):
             self._clear()
-            self.bending.add(self.pull, self.board.x, ti.min(1.0, (self.whole_bend / h) ** 2))
+            self.bending.add(self.pull, self.board.x, ti.min(1.0, (self.bend_within[None] / h) ** 2))
             self._kick(h * h)
 
     @ti.func

@@ -74,6 +74,8 @@ def _hearts(name: str, where: Any, index: np.ndarray) -> list[int]:
         border = np.ones(index.shape, bool)
         border[1:-1, 1:-1] = False
         return list(index[border])
+    if isinstance(where, str):
+        return list({"left": index[0], "right": index[-1], "front": index[:, 0], "back": index[:, -1]}[where])
     for i, j in where:
         if i >= ni or j >= nj:
             raise ConfigError(f"cloth.pins.{name}.where = [{i}, {j}]: the last node is [{ni - 1}, {nj - 1}]")

@@ -1,0 +1,102 @@
+"""What the cases of cloth share: a sheet brought to rest, timed; loads along its edges."""
+
+import time
+
+import numpy as np
+import taichi as ti
+
+from sim.errors import DivergedError
+
+SECONDS = 4.0
+"""[s] Simulated, at most, until a sheet is at rest."""
+STEP = 0.02
+"""[s] Between two looks."""
+DRAG = 20.0
+"""[1/s] On all motion; as a sheet's own settling has it."""
+STILL = 1e-6
+"""[m/s] rms. A sheet that elongates by 15 um rings at 900 1/s: this leaves 1e-4 of that."""
+
+BURST = 1e4
+"""[m^2/s^2] Kinetic energy over mass that no sheet of these cases comes near."""
+
+
+def settled(world, seconds: float = SECONDS) -> tuple[np.ndarray, dict[str, float]]:
+    """Places (ni, nj, 3) of the sheet brought to rest from where it begins [m]; what that cost, as a chart has it.
+
+    DivergedError where it does not come to rest but flies apart.
+    """
+    solver, sheet = world.build.parts["cloth"], world.scene.sheet
+    world.state["cloth.x"].from_numpy(sheet.x)
+    world.state["cloth.v"].fill(0)
+    solver.advance(STEP, solver.params.damping, DRAG)  # warm: nothing is compiled after this
+    world.state["cloth.x"].from_numpy(sheet.x)
+    world.state["cloth.v"].fill(0)
+    solver.simulated, solver.substeps = 0.0, 0
+    rest, began = 0.5 * sheet.mass.sum() * STILL**2, time.perf_counter()
+    while solver.simulated < seconds:
+        solver.advance(STEP, solver.params.damping, DRAG)
+        energy = solver.kinetic_energy()
+        if energy < rest:
+            break
+        if not energy < BURST * sheet.mass.sum():
+            raise DivergedError(f"exploding at t = {solver.simulated:.4g} s: {_causes(solver)}")
+    took = time.perf_counter() - began
+    x = world.state["cloth.x"].to_numpy().astype(np.float64).reshape(*sheet.shape, 3)
+    return x, {
+        "seconds_per_simulated_second": took / solver.simulated,
+        "dt": solver.simulated / solver.substeps,
+        "steps": solver.substeps,
+        "particles": len(sheet.x),
+        "simulated": solver.simulated,
+    }
+
+
+def _causes(solver) -> str:
+    return "; ".join(suspect.words for suspect in solver.suspects()) or "no known cause"
+
+
+def rows_held(sheet) -> int:
+    """Rows i = 0, 1, ... that are held."""
+    return int((sheet.inv_mass.reshape(sheet.shape).max(1) == 0.0).sum())
+
+
+@ti.data_oriented
+class Traction:
+    """A guest that pulls the edges i = 0 and i = last along x: force[0] and force[1] [N/m], outward.
+
+    Pulled so, an edge may slide sideways, as in grips that hold along the pull alone, and the stress is uniform.
+    """
+
+    reads, writes = (), ()
+
+    def __init__(self, world):
+        self.cloth, (self.ni, self.nj) = world.build.parts["cloth"], world.scene.sheet.shape
+        self.spacing = world.scene.sheet.spacing
+        self.force = ti.field(ti.f64, 2)
+        world.build.parts["guests"].append(self)
+        world.build.parts["traction"] = self
+
+    def begin(self, dt):
+        """Nothing to prepare."""
+
+    def end(self, dt):
+        """Nothing to hand back."""
+
+    @ti.func
+    def predict(self, h):
+        for j in range(self.nj):
+            share = self.spacing * (0.5 if j == 0 or j == self.nj - 1 else 1.0)
+            self._pull(j, -self.force[0] * share, h)
+            self._pull((self.ni - 1) * self.nj + j, self.force[1] * share, h)
+
+    @ti.func
+    def _pull(self, node, newtons, h):
+        self.cloth.shift(node, ti.Vector([h * h * newtons * self.cloth.weight(node), 0.0, 0.0]))
+
+    @ti.func
+    def project(self, h):
+        pass
+
+    @ti.func
+    def finish(self, h):
+        pass
