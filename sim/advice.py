@@ -101,7 +101,7 @@ def _substeps(conf: Config, data: SceneData) -> list[tuple[str, str]]:
     if not hasattr(solver, "bound"):
         return [("substep", f"{asked:.2g} s by cloth.{solver.name}.substep_max; stable at every length")]
     omega = top_frequency(data.sheet)
-    limit = solver.bound(params, omega)
+    limit = solver.bound(params.retardation, omega)
     if not limit.seconds:
         return [("fails", f"{solver.name} without damping gains energy at every dt; set its retardation")]
     words = f"{limit.seconds:.2g} s, the limit of {limit.name}: the sheet's fastest swing is {omega:.3g} 1/s"

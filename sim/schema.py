@@ -247,7 +247,9 @@ class Pin(Model):
     front, back: j = 0 and the last; a clip of n spacings along them holds n + 1 rows.
     """
 
-    where: Literal["corners", "edges", "left", "right", "front", "back"] | tuple[tuple[int, int], ...] = option(REQUIRED)
+    where: Literal["corners", "edges", "left", "right", "front", "back"] | tuple[tuple[int, int], ...] = option(
+        REQUIRED
+    )
     clip: float = quantity("15 mm", "length", ge=0, why="a clip, not a point: a point pin strains without bound")
 
     @field_validator("where", mode="before")

@@ -7,7 +7,7 @@ import taichi as ti
 from sim.cloth.board import LANES
 from sim.cloth.forces import SpringForces
 from sim.cloth.spectrum import top_frequency
-from sim.cloth.xpbd import Xpbd
+from sim.cloth.xpbd import SETTLED_SPEED, Xpbd
 from sim.model import Model, quantity
 from sim.registry import register
 from sim.stage import Build, Limit, Suspect
@@ -40,24 +40,30 @@ class Forced(Xpbd):
     def substep_max(self) -> float:
         """cloth.METHOD.substep_max, within the limit where limits are obeyed [s]."""
         asked = self.params.substep_max or math.inf
-        if self.settling or self.obeys:
+        if self.obeys or (self.settling and not self.params.substep_max):
             asked = min(asked, MARGIN * self._stable())
         return asked
 
-    def settle(self, seconds: float) -> None:
-        """See Xpbd; in stable substeps, whatever the run does."""
+    def settle(self, seconds: float, still: float = SETTLED_SPEED) -> None:
+        """See Xpbd; with threads damped (zeta = 1/2 at the fastest swing), or what they store rings for seconds."""
         self.settling = True
-        super().settle(seconds)
-        self.settling, self.longest = False, 0.0
+        self.retardation[None] = self._tau()
+        super().settle(seconds, still)
+        self.settling = False
+        self.retardation[None] = self._tau()
+
+    def _tau(self) -> float:
+        """Retardation time in force [s]."""
+        return max(self.params.retardation, 1.0 / self.frequency if self.settling else 0.0)
 
     @staticmethod
-    def bound(params, omega: float) -> Limit:
+    def bound(tau: float, omega: float) -> Limit:
         """The longest stable substep of a sheet whose fastest swing is omega [rad/s]; 0 s where none is."""
         raise NotImplementedError
 
     def limit(self) -> Limit:
         """That of this sheet."""
-        return self.bound(self.params, self.frequency)
+        return self.bound(self._tau(), self.frequency)
 
     def _stable(self) -> float:
         """A substep to take [s]."""
@@ -111,9 +117,9 @@ class SymplecticEuler(Forced):
         """[cloth.symplectic_euler]"""
 
     @staticmethod
-    def bound(params, omega: float) -> Limit:
+    def bound(tau: float, omega: float) -> Limit:
         """(2/omega)(sqrt(1 + zeta^2) - zeta), zeta = tau omega/2: damping is taken at the velocity before."""
-        zeta = 0.5 * params.retardation * omega
+        zeta = 0.5 * tau * omega
         return Limit(2.0 / omega * (math.sqrt(1.0 + zeta**2) - zeta), "symplectic Euler")
 
     @ti.func
@@ -139,16 +145,16 @@ class ExplicitEuler(Forced):
         self.lagged[None] = 1.0
 
     @staticmethod
-    def bound(params, omega: float) -> Limit:
+    def bound(tau: float, omega: float) -> Limit:
         """Modes with zeta = tau omega/2 < 1 need h < tau, the stiffest of the others 2 over its faster rate."""
-        tau, zeta = params.retardation, 0.5 * params.retardation * omega
+        zeta = 0.5 * tau * omega
         fast = 2.0 / (omega * (zeta + math.sqrt(zeta**2 - 1.0))) if zeta > 1.0 else math.inf
         return Limit(min(tau, fast), "explicit Euler")
 
     def _stable(self) -> float:
         """Hanging at rest goes by the symplectic rule; without damping no step is stable, and that one is as good."""
         own = self.limit().seconds
-        return own if own and not self.settling else SymplecticEuler.bound(self.params, self.frequency).seconds
+        return own if own and not self.settling else SymplecticEuler.bound(self._tau(), self.frequency).seconds
 
     def suspects(self) -> tuple[Suspect, ...]:
         """No damping, or a substep beyond the limit."""
@@ -160,10 +166,10 @@ class ExplicitEuler(Forced):
         )
         return (Suspect("exploding", words),)
 
-    def settle(self, seconds: float) -> None:
+    def settle(self, seconds: float, still: float = SETTLED_SPEED) -> None:
         """By the symplectic rule: at rest the two agree."""
         self.lagged[None] = 0.0
-        super().settle(seconds)
+        super().settle(seconds, still)
         self.lagged[None] = 1.0
 
     @ti.func

@@ -69,7 +69,9 @@ class SpringForces:
                     column = block * LANES
                     stiffness = scale * self.row[n, i] * self.board.get(self.column, n * self.pitch + column)
                     p = self.first[n] + i * self.pitch + column
-                    self._add_change(force, x, u, p, p + self.second[n] - self.first[n], stiffness, self.rest[n], forces)
+                    self._add_change(
+                        force, x, u, p, p + self.second[n] - self.first[n], stiffness, self.rest[n], forces
+                    )
 
     @ti.func
     def _add_change(self, force: ti.template(), x: ti.template(), u: ti.template(), p, q, stiffness, rest, forces):

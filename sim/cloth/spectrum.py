@@ -47,7 +47,10 @@ def _whole(sheet: Sheet, springs: bool) -> tuple:
 def _cut(sheet: Sheet, springs: bool) -> tuple:
     """The same of the sheet without its middle."""
     shape = tuple(min(n, CUT) for n in sheet.shape)
-    families = tuple(f._replace(row=_ends(f.row, shape[0], sheet.shape[0]), column=_ends(f.column, shape[1], sheet.shape[1])) for f in sheet.families)
+    families = tuple(
+        f._replace(row=_ends(f.row, shape[0], sheet.shape[0]), column=_ends(f.column, shape[1], sheet.shape[1]))
+        for f in sheet.families
+    )
     keep = [np.r_[: n - n // 2, full - n // 2 : full] for n, full in zip(shape, sheet.shape)]
     pick = (keep[0][:, None] * sheet.shape[1] + keep[1]).ravel()
     u, v = np.divmod(np.arange(len(pick)), shape[1])

@@ -94,7 +94,7 @@ class Xpbd:
         """The step itself. damping [1/s]: of motion that is not rigid; drag [1/s]: of all motion."""
         count = max(1, math.ceil(dt / self.substep_max() - 1e-9))
         self.simulated, self.substeps = self.simulated + dt, self.substeps + count
-        kept, left = math.exp(-damping * dt), math.exp(-drag * dt)
+        kept, left = math.exp(-damping * dt), math.exp(-drag * dt / count)
         self._advance(count, dt / count, tm.vec3(self.gravity), kept, left)
 
     def substep_max(self) -> float:
@@ -105,12 +105,12 @@ class Xpbd:
         """Settings known to fail, for the guard: none, for no step is too long to be stable."""
         return ()
 
-    def settle(self, seconds: float) -> None:
-        """Hang for `seconds` under strong drag, water or not, or until at rest; end with every velocity 0."""
-        rest = 0.5 * float(self.sheet.mass.sum()) * SETTLED_SPEED**2
+    def settle(self, seconds: float, still: float = SETTLED_SPEED) -> None:
+        """Hang for `seconds` under strong drag, water or not, or until at rest (`still` [m/s] rms); end without speed."""
+        rest = 0.5 * float(self.sheet.mass.sum()) * still**2
         for _ in range(math.ceil(seconds / SETTLE_STEP - 1e-9)):
             self.advance(SETTLE_STEP, self.params.damping, SETTLE_DRAG)
-            if self.kinetic_energy() < rest:
+            if not self.kinetic_energy() >= rest:  # or no number any more, which is for others to tell
                 break
         self.v.fill(0.0)
 
@@ -174,12 +174,12 @@ class Xpbd:
                     self.contact.project(h, (step + 1) * h)
                     for guest in ti.static(self.guests):
                         guest.project(h)
-                    self._finish(h)
+                    self._finish(h, left)
                     for guest in ti.static(self.guests):
                         guest.finish(h)
             if kept < 1.0:
                 damp_relative(self.board, kept)
-            self._store(left)
+            self._store()
 
     @ti.func
     def _load(self, dt, gravity):
@@ -231,17 +231,17 @@ class Xpbd:
                 self.board.put(self.board.x[d], at, x + w * f)
 
     @ti.func
-    def _finish(self, h):
+    def _finish(self, h, left):
         for block in range(self.board.half // LANES):
             at = block * LANES
             for d in ti.static(range(3)):
                 x, start = self.board.get(self.board.x[d], at), self.board.get(self.board.start[d], at)
-                self.board.put(self.board.v[d], at, (x - start) / h)
+                self.board.put(self.board.v[d], at, left * ((x - start) / h))
 
     @ti.func
-    def _store(self, left):
+    def _store(self):
         for node in range(self.node_count):
             at = self.board.place(node)
             if self.board.w[at] > 0.0:
                 self.x[node] = self.board.vector(self.board.x, at)
-                self.v[node] = left * self.board.vector(self.board.v, at)
+                self.v[node] = self.board.vector(self.board.v, at)

@@ -81,7 +81,7 @@ def cost(world: Any) -> dict[str, Any]:
         "dt": simulated / max(steps, 1),
         "steps": steps,
         "iterations": world.iterations,
-        "particles": int(world.state.count[None]) if world.config.fluid else 0,
+        "particles": int(world.state.count[None]) if world.config.fluid else len(world.scene.sheet.x),
         "peak_memory": _peak_memory(),
     }
 

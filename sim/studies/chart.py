@@ -74,17 +74,18 @@ def plan(topic: str, quick: bool = False, check_only: bool = False) -> Plan:
 
 def _swept(study: Study, name: str) -> list[Point]:
     """Method x spacing x setting x dt of one sweep. A method that the study does not name runs as it comes."""
-    sweep, points = study.sweep[name], []
-    for method in registry.methods("fluid.pressure"):
+    sweep, points, section = study.sweep[name], [], study.section
+    for method in (m for m in registry.methods(study.kind) if m not in sweep.skip):
         steps = sweep.method.get(method)
         settings = steps.settings if steps else ((),)
         limits = (steps.dt if steps else ()) or (None,)
         for spacing in sweep.spacing or (None,):
             for setting in settings:
                 for dt in limits:
-                    given = {"fluid.method": method, "fluid.spacing": spacing, "run.dt_max": dt}
+                    step = "run.dt_max" if section == "fluid" else f"cloth.{method}.substep_max"
+                    given = {f"{section}.method": method, f"{section}.spacing": spacing, step: dt}
                     texts = [f"{key}={value}" for key, value in given.items() if value is not None]
-                    points.append(Point((*sweep.overrides, *texts, *setting)))
+                    points.append(Point((*sweep.overrides, *texts, *setting), sweep.precision))
     return points
 
 
@@ -172,7 +173,7 @@ def _digest(files: tuple[Path, ...]) -> str:
 def _frame(job: Job, plan: Plan) -> Row:
     """What a row says before it is run."""
     scene = job.config()
-    fluid = scene.fluid
+    shown = scene.fluid or scene.cloth
     return table.blank() | {
         "id": job.id,
         "version": version(),
@@ -180,10 +181,10 @@ def _frame(job: Job, plan: Plan) -> Row:
         "case": job.case.name,
         "reference": job.case.reference,
         "scene": job.case.scene,
-        "method": fluid.method if fluid else "",
+        "method": shown.method,
         "role": " ".join(["check"] * job.checked + ["sweep"] * job.swept),
-        "report": "1" if fluid and fluid.method == plan.report else "",
-        "spacing": table.cell(fluid.spacing) if fluid else "",
+        "report": "1" if shown.method == plan.report else "",
+        "spacing": table.cell(shown.spacing),
         "precision": job.point.precision,
         "overrides": "; ".join(job.point.overrides),
         "bounds": " ".join(f"{figure}<={bound:g}" for figure, bound in job.bounds.items()),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import pkgutil
+from typing import Literal
 
 from pydantic import Field, ValidationError
 
@@ -14,18 +15,24 @@ from sim.model import Model, option
 from sim.studies.case import Case
 
 
+KINDS = {"fluid": "fluid.pressure", "cloth": "cloth.solver"}
+"""What a study sweeps: the methods of this section of a scene."""
+
+
 class Steps(Model):
     """[sweep.CASE.METHOD]: every setting is run with every dt."""
 
-    dt: tuple[str, ...] = option((), why="run.dt_max, such as 1 ms; left out: as the scene has it")
+    dt: tuple[str, ...] = option((), why="run.dt_max, of cloth the substep, such as 1 ms; left out: the scene's")
     settings: tuple[tuple[str, ...], ...] = option(((),), why="KEY=VALUE texts laid over the scene together")
 
 
 class Sweep(Model):
     """[sweep.CASE]: the case's figure `error` over seconds per simulated second, for method x dt x spacing."""
 
-    spacing: tuple[str, ...] = option((), why="fluid.spacing; left out: as the scene has it")
+    spacing: tuple[str, ...] = option((), why="of particles or mesh; left out: as the scene has it")
     overrides: tuple[str, ...] = option((), why="KEY=VALUE texts of every point")
+    skip: tuple[str, ...] = option((), why="methods that this is no case for")
+    precision: Literal["f32", "f64"] = option("f32", why="of every point")
     method: dict[str, Steps] = Field(default_factory=dict)
 
 
@@ -33,9 +40,15 @@ class Study(Model):
     """configs/studies/<topic>.toml."""
 
     title: str = option("")
+    section: Literal["fluid", "cloth"] = option("fluid", why="whose methods are swept")
     report: str = option("", why="the method that the 2019 report used; marked on the chart")
     levels: tuple[float, ...] = option((0.1, 0.03, 0.01), why="errors at which the cheapest point is named")
     sweep: dict[str, Sweep] = Field(default_factory=dict)
+
+    @property
+    def kind(self) -> str:
+        """Of the methods swept, as the registry has it."""
+        return KINDS[self.section]
 
 
 def load(topic: str, quick: bool = False) -> Study:
@@ -52,11 +65,11 @@ def load(topic: str, quick: bool = False) -> Study:
         key, text = explain.problem(error.errors()[0], Study, table)
         raise ConfigError(f"{label}: {key}: {text}") from None
     registry.discover()
-    known, there = registry.methods("fluid.pressure"), cases(topic)
+    known, there = registry.methods(study.kind), cases(topic)
     for name, sweep in study.sweep.items():
         if name not in there:
             raise ConfigError(f"{label}: sweep.{name}: no such case; there are {', '.join(there) or 'none'}")
-        for method in sweep.method:
+        for method in (*sweep.method, *sweep.skip):
             if method not in known:
                 raise ConfigError(f"{label}: sweep.{name}.method.{method}: choose from {', '.join(known)}")
     return study
