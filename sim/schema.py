@@ -259,7 +259,8 @@ class Pin(Model):
             return value
         if isinstance(value, (list, tuple)) and value and all(_is_node(v) for v in value):
             return tuple((int(i), int(j)) for i, j in value)
-        raise fault(f"choose {', '.join(WORDS)} or a list of nodes such as [[0, 0], [40, 0]]")
+        words = ", ".join(f'"{word}"' for word in WORDS)
+        raise fault(f"choose {words} or a list of nodes such as [[0, 0], [40, 0]]")
 
 
 def _is_node(value: Any) -> bool:

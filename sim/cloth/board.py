@@ -37,6 +37,7 @@ class Board:
         self.pitch = LANES * (self.nj // LANES + 1)
         self.turned_pitch = LANES * (self.ni // LANES + 1)
         self.half = self.ni * self.pitch + LANES
+        self.tiles = (-(-self.ni // LANES), -(-self.nj // LANES))
         whole = self.half + self.nj * self.turned_pitch + LANES
         self.x = [ti.field(self.real, whole) for _ in range(3)]
         self.w = ti.field(self.real, whole)
@@ -98,12 +99,14 @@ class Board:
 
     @ti.func
     def turn(self, back):
-        """Copy x to the turned half, or from it."""
-        for i in range(self.ni):
-            for j in range(self.nj):
-                near, far = i * self.pitch + j, self.half + j * self.turned_pitch + i
-                for d in ti.static(range(3)):
-                    if back:
-                        self.x[d][near] = self.x[d][far]
-                    else:
-                        self.x[d][far] = self.x[d][near]
+        """Copy x to the turned half, or from it; tile by tile, for a column of a large sheet leaves every cache."""
+        for tile in range(self.tiles[0] * self.tiles[1]):
+            i0, j0 = tile // self.tiles[1] * LANES, tile % self.tiles[1] * LANES
+            for i in range(i0, ti.min(i0 + LANES, self.ni)):
+                for j in range(j0, ti.min(j0 + LANES, self.nj)):
+                    near, far = i * self.pitch + j, self.half + j * self.turned_pitch + i
+                    for d in ti.static(range(3)):
+                        if back:
+                            self.x[d][near] = self.x[d][far]
+                        else:
+                            self.x[d][far] = self.x[d][near]

@@ -1,4 +1,4 @@
-"""Explicit solvers: the force of every spring, once a substep, moves the sheet. Fast and right in steps short enough."""
+"""Explicit solvers: the force of every spring, once a substep, moves the sheet. Right in steps that are short enough."""
 
 import math
 

@@ -106,7 +106,7 @@ class Xpbd:
         return ()
 
     def settle(self, seconds: float, still: float = SETTLED_SPEED) -> None:
-        """Hang for `seconds` under strong drag, water or not, or until at rest (`still` [m/s] rms); end without speed."""
+        """Hang under strong drag, water or not, for `seconds` or until at rest (`still`, rms); end without speed."""
         rest = 0.5 * float(self.sheet.mass.sum()) * still**2
         for _ in range(math.ceil(seconds / SETTLE_STEP - 1e-9)):
             self.advance(SETTLE_STEP, self.params.damping, SETTLE_DRAG)

@@ -14,7 +14,6 @@ from sim.errors import ConfigError
 from sim.model import Model, option
 from sim.studies.case import Case
 
-
 KINDS = {"fluid": "fluid.pressure", "cloth": "cloth.solver"}
 """What a study sweeps: the methods of this section of a scene."""
 

@@ -12,7 +12,7 @@ METHODS = ("implicit_euler", "symplectic_euler", "xpbd")
 
 
 def elastica(gamma: float) -> tuple[float, float]:
-    """(drop, reach) over length of a strip clamped level: theta'' = -Gamma (1 - s) cos(theta), theta(0) = theta'(1) = 0.
+    """(drop, reach) over length of a clamped strip: theta'' = -Gamma (1 - s) cos theta, theta(0) = theta'(1) = 0.
 
     Gamma = rho_A g L^3/B. The slope at the clamp by bisection, the curve by Runge and Kutta's fourth order.
     Bickley 1934; drop/reach 0.1246, 1.067, 5.888 at Gamma 1, 10, 100.
