@@ -268,7 +268,7 @@ def bench(
     rounds: Annotated[int, typer.Option(min=0, help="Runs of either side, in turns; 0: 3, or 1 with --quick.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder of the tables; outputs/bench if left out.")] = None,
 ) -> None:
-    """Time the water side by side with pySPlisHSPlasH (of .venv-peers, or of the Python that SEEP_PEERS names)."""
+    """Time water beside pySPlisHSPlasH and cloth beside pyPBD (of .venv-peers, or the Python that SEEP_PEERS names)."""
     from sim.run import OUTPUTS
     from sim.studies import bench as benches
 

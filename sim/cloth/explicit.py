@@ -1,4 +1,4 @@
-"""Explicit solvers: the force of every spring, once a substep, moves the sheet. Right in steps that are short enough."""
+"""Explicit solvers: every spring's force moves the sheet once a substep. Right in steps that are short enough."""
 
 import math
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from sim import config, registry
 from sim.errors import ConfigError, RunError
-from sim.studies import rival, stopwatch
+from sim.studies import bench_cloth, rival, stopwatch
 from sim.studies.compression import mean_compression
 from sim.studies.search import rivals
 
@@ -67,7 +67,7 @@ BOXES = "boxes"
 
 
 def run(case: str, quick: bool, threads: int, rounds: int, folder: Path, say: Callable[[str], None]) -> Path:
-    """Every duel whose name begins with `case`; writes FOLDER/bench.csv and stages.csv; returns the former.
+    """Every duel whose name begins with `case`; writes FOLDER/bench.csv, stages.csv and bench_cloth.csv; returns the first.
 
     Of the case `boxes`, searches over a sheet's boxes, FOLDER/boxes.csv instead; left out if quick and not named.
     Where the rival cannot be run, that is said and its cells stay empty. rounds: 0 takes ROUNDS, or one if `quick`.
@@ -76,11 +76,13 @@ def run(case: str, quick: bool, threads: int, rounds: int, folder: Path, say: Ca
     duels = [d for d in (QUICK if quick else DUELS) if d.method in registry.methods("fluid.pressure")]
     chosen = [d for d in duels if d.name.startswith(case)]
     boxes = BOXES.startswith(case) if case else not quick
-    if not chosen and not boxes:
-        raise ConfigError(f"bench {case}: no such case; choose from {', '.join([*(d.name for d in duels), BOXES])}")
+    sheet = bench_cloth.NAME.startswith(case) if case else not quick
+    if not chosen and not boxes and not sheet:
+        names = [*(d.name for d in duels), BOXES, bench_cloth.NAME]
+        raise ConfigError(f"bench {case}: no such case; choose from {', '.join(names)}")
     if boxes:
         path = rivals.run(quick, threads, folder, say)
-        if not chosen:
+        if not chosen and not sheet:
             return path
     try:
         python = rival.interpreter()
@@ -100,7 +102,10 @@ def run(case: str, quick: bool, threads: int, rounds: int, folder: Path, say: Ca
         _write(folder / "bench.csv", rows)
         _write(folder / "stages.csv", stages)
         say(_table(rows[-1], of_case))
-    return folder / "bench.csv"
+    if sheet:
+        turns = rounds or (1 if quick else ROUNDS)
+        _write(folder / "bench_cloth.csv", [bench_cloth.run(quick, threads, turns, python, folder / "rival", say)])
+    return folder / ("bench.csv" if chosen else "bench_cloth.csv")
 
 
 def orders(duel: Duel, threads: int) -> dict[str, Any]:

@@ -36,7 +36,7 @@ def interpreter() -> str:
     return str(own)
 
 
-def run(python: str, order: dict[str, Any], folder: Path) -> dict[str, Any]:
+def run(python: str, order: dict[str, Any], folder: Path, script: Path = SCRIPT) -> dict[str, Any]:
     """Figures of the order (see sim.studies.bench.order): lists `steps`, `samples`, `positions` by time, `stages`.
 
     folder keeps the scene file, and the boundary map that the rival builds once a radius. NoRival if it fails.
@@ -49,7 +49,7 @@ def run(python: str, order: dict[str, Any], folder: Path) -> dict[str, Any]:
     path.write_text(json.dumps(order | {"figures": str(figures), "positions": str(positions)}, indent=1))
     try:
         with log.open("w") as out:
-            command = [python, str(SCRIPT), str(path)]
+            command = [python, str(script), str(path)]
             threads = {"OMP_NUM_THREADS": str(order["threads"])}
             done = subprocess.run(command, stdout=out, stderr=out, timeout=LIMIT, env=os.environ | threads)
     except subprocess.TimeoutExpired:
