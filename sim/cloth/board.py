@@ -38,9 +38,9 @@ class Board:
         self.turned_pitch = LANES * (self.ni // LANES + 1)
         self.half = self.ni * self.pitch + LANES
         self.tiles = (-(-self.ni // LANES), -(-self.nj // LANES))
-        whole = self.half + self.nj * self.turned_pitch + LANES
-        self.x = [ti.field(self.real, whole) for _ in range(3)]
-        self.w = ti.field(self.real, whole)
+        self.whole = self.half + self.nj * self.turned_pitch + LANES
+        self.x = [ti.field(self.real, self.whole) for _ in range(3)]
+        self.w = ti.field(self.real, self.whole)
         self.start = [ti.field(self.real, self.half) for _ in range(3)]
         self.v = [ti.field(self.real, self.half) for _ in range(3)]
         self.lanes = ti.types.vector(LANES, self.real)
@@ -96,6 +96,16 @@ class Board:
         """The reverse of `vector`."""
         for d in ti.static(range(3)):
             three[d][at] = value[d]
+
+    @ti.func
+    def clear(self):
+        """No place, no velocity anywhere: what a failed run left beside the sheet, NaN, would spread from there."""
+        for at in range(self.whole):
+            for d in ti.static(range(3)):
+                self.x[d][at] = 0.0
+        for at in range(self.half):
+            for d in ti.static(range(3)):
+                self.v[d][at] = 0.0
 
     @ti.func
     def turn(self, back):

@@ -184,6 +184,7 @@ class Xpbd:
     @ti.func
     def _load(self, dt, gravity):
         """Rows to the board, and which solids are in reach."""
+        self.board.clear()
         low, high = self.x[0], self.x[0]
         for node in range(self.node_count):
             at = self.board.place(node)

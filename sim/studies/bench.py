@@ -67,7 +67,7 @@ BOXES = "boxes"
 
 
 def run(case: str, quick: bool, threads: int, rounds: int, folder: Path, say: Callable[[str], None]) -> Path:
-    """Every duel whose name begins with `case`; writes FOLDER/bench.csv, stages.csv and bench_cloth.csv; returns the first.
+    """Every duel whose name begins with `case`; FOLDER/bench.csv and stages.csv of water, bench_cloth.csv; the first.
 
     Of the case `boxes`, searches over a sheet's boxes, FOLDER/boxes.csv instead; left out if quick and not named.
     Where the rival cannot be run, that is said and its cells stay empty. rounds: 0 takes ROUNDS, or one if `quick`.

@@ -33,7 +33,9 @@ def settled(world, seconds: float = SECONDS) -> tuple[np.ndarray, dict[str, floa
         raise DivergedError(
             f"exploding before it is at rest, t = {solver.simulated:.4g} s: {causes or 'no known cause'}"
         )
+    solves, iterations = solver.iterations() if hasattr(solver, "iterations") else (1, 0)
     return x, {
+        "iterations": iterations / solves,
         "seconds_per_simulated_second": took / solver.simulated,
         "dt": solver.simulated / solver.substeps,
         "steps": solver.substeps,
