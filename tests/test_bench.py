@@ -150,3 +150,34 @@ def test_wrong_words_are_refused(monkeypatch, capsys):
     monkeypatch.setenv("SEEP_PEERS", "/nowhere/python")
     assert seep.main(["bench", "--quick"]) == 2
     assert "SEEP_PEERS = /nowhere/python: must be a Python" in capsys.readouterr().err
+
+
+SHEET_STUB = f"""#!{sys.executable}
+import json, sys
+import numpy as np
+order = json.load(open(sys.argv[2]))
+assert sys.argv[1].endswith("positionbased.py")
+n = order["nodes"]
+x = np.zeros((5, n * n, 3))
+x[..., 0], x[..., 2] = 1.02 * order["spacing"] * (np.arange(n * n) % n), order["spacing"] * (np.arange(n * n) // n)
+np.savez(order["positions"], x=x)
+found = {{"steps": [[0.5, 0.5]] * 50, "constraints": 58806, "springs": 29601, "memory": 1e6}}
+json.dump(found, open(order["figures"], "w"))
+"""
+"""A sheet stretched by 2 % along, by none down, in 100 s per simulated second."""
+
+
+def test_a_sheet_is_timed_beside_the_rivals(tmp_path):
+    from sim.studies import bench_cloth
+
+    path = tmp_path / "python"
+    path.write_text(SHEET_STUB)
+    path.chmod(0o755)
+    order = bench_cloth.order(0.25, 1)
+    assert (order["nodes"], order["substeps"], order["stiffness"], order["held"]) == (100, 5, 1500.0, [9900, 9999])
+    assert sum(order["mass"]) == pytest.approx(0.15 * 0.99**2)
+    theirs = bench_cloth._sum_up(rival.run(str(path), order, tmp_path, bench_cloth.SCRIPT), order)
+    assert theirs["error"] == pytest.approx(0.01) and theirs["s_per_s"] == pytest.approx(100.0)
+    row = bench_cloth._row(order, [theirs | {"s_per_s": 2.0, "cpu_s_per_s": 1.0}], [theirs])
+    assert row["ratio"] == pytest.approx(0.02) and row["cpu_ratio"] == pytest.approx(0.01)
+    assert "ratio 0.020, of CPU 0.010" in bench_cloth._words(row)

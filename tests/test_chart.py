@@ -138,6 +138,18 @@ def test_the_study_of_water_is_whole():
         assert len({job.id for job in plan.jobs}) == len(plan.jobs)
 
 
+def test_the_study_of_cloth_is_whole():
+    """Every solver, well under its limit and beyond it; those that hold, at a hundred times that."""
+    jobs = chart.plan("cloth").jobs
+    swept = [job.point.overrides for job in jobs if job.swept]
+    for method in ("explicit_euler", "implicit_euler", "symplectic_euler", "xpbd"):
+        assert any(f"cloth.method={method}" in texts for texts in swept)
+    assert any("cloth.xpbd.substep_max=10 ms" in texts for texts in swept)
+    assert all(job.config().cloth and not job.config().run.dt_limits for job in jobs if job.swept and not job.checked)
+    flexion = [job for job in jobs if job.case.name == "cantilever_flexion"]
+    assert flexion and not any(job.bounds for job in flexion)
+
+
 def test_a_wrong_study_is_one_line(tmp_path, monkeypatch):
     (tmp_path / "studies").mkdir()
     (tmp_path / "studies" / "water.toml").write_text("[sweep.dam_brake]\n")
