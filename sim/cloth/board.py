@@ -2,7 +2,7 @@
 
 A row of nodes is padded to a multiple of LANES; x, y and z lie in fields of their own. Eight neighbours are read,
 computed and written as one vector: the compiler makes SIMD of it (0.8 ns a spring in f32, 1.5 in f64, against 4.5
-one by one). The second half of each field is the board turned (rows become columns), for springs along a row.
+one by one). Springs along a row need it turned, eight rows at a time: a band beside the board, of columns LANES long.
 Reals are f64 where the device has it: a substep's fall, g h^2 = 1e-7 m, is 7 units in the last place of an f32 at
 0.2 m, and velocities read off positions would be 6 % wrong.
 """
@@ -27,7 +27,7 @@ def private_real():
 class Board:
     """x, start, v: three real fields each (place, place at the substep's start, velocity); w: inverse mass [1/kg].
 
-    Node (i, j) stands at i*pitch + j, and at half + j*turned_pitch + i on the turned half (x and w only).
+    Node (i, j) stands at i*pitch + j, and with its band turned at half + j*LANES + i % LANES (x and w only).
     """
 
     def __init__(self, shape: tuple[int, int]):
@@ -35,10 +35,9 @@ class Board:
         self.numpy_real = np.float32 if self.real == ti.f32 else np.float64
         self.ni, self.nj = shape
         self.pitch = LANES * (self.nj // LANES + 1)
-        self.turned_pitch = LANES * (self.ni // LANES + 1)
         self.half = self.ni * self.pitch + LANES
-        self.tiles = (-(-self.ni // LANES), -(-self.nj // LANES))
-        self.whole = self.half + self.nj * self.turned_pitch + LANES
+        self.bands = -(-self.ni // LANES)
+        self.whole = self.half + self.nj * LANES + LANES
         self.x = [ti.field(self.real, self.whole) for _ in range(3)]
         self.w = ti.field(self.real, self.whole)
         self.start = [ti.field(self.real, self.half) for _ in range(3)]
@@ -55,11 +54,6 @@ class Board:
     def place(self, node):
         """Where node i*nj + j stands on the board."""
         return node // self.nj * self.pitch + node % self.nj
-
-    @ti.func
-    def turned_place(self, node):
-        """Where it stands on the turned half."""
-        return self.half + node % self.nj * self.turned_pitch + node // self.nj
 
     @ti.func
     def get(self, field: ti.template(), at):
@@ -108,15 +102,16 @@ class Board:
                 self.v[d][at] = 0.0
 
     @ti.func
-    def turn(self, back):
-        """Copy x to the turned half, or from it; tile by tile, for a column of a large sheet leaves every cache."""
-        for tile in range(self.tiles[0] * self.tiles[1]):
-            i0, j0 = tile // self.tiles[1] * LANES, tile % self.tiles[1] * LANES
-            for i in range(i0, ti.min(i0 + LANES, self.ni)):
-                for j in range(j0, ti.min(j0 + LANES, self.nj)):
-                    near, far = i * self.pitch + j, self.half + j * self.turned_pitch + i
+    def turn(self, band, back):
+        """Copy a band of LANES rows to where it stands turned, or from there; tile by tile, as caches like it."""
+        first = band * LANES
+        for tile in range(self.pitch // LANES):
+            for k in range(ti.min(LANES, self.ni - first)):
+                for j in range(tile * LANES, ti.min((tile + 1) * LANES, self.nj)):
+                    near, far = (first + k) * self.pitch + j, self.half + j * LANES + k
                     for d in ti.static(range(3)):
                         if back:
                             self.x[d][near] = self.x[d][far]
                         else:
                             self.x[d][far] = self.x[d][near]
+                    self.w[far] = self.w[near]

@@ -27,7 +27,7 @@ class Sweep:
         self.board, self.limited, self.strain_limit = board, strain_limit is not None, strain_limit
         self.along = sum(not f.across for f in families)
         self.count = len(families)
-        self.stride = max(board.pitch, board.turned_pitch)
+        self.stride = max(board.pitch, LANES * (board.ni // LANES + 1), board.nj)
         self.rest = ti.field(board.real, self.count)
         self.excess = ti.field(board.real, ())
         self.first, self.second, self.rows, self.blocks = (ti.field(ti.i32, self.count) for _ in range(4))
@@ -41,7 +41,7 @@ class Sweep:
 
     def _enter(self, n: int, family: Family, table: np.ndarray) -> None:
         b = self.board
-        origin, pitch = (b.half, b.turned_pitch) if family.across else (0, b.pitch)
+        origin, pitch = (b.half, LANES) if family.across else (0, b.pitch)
         first, second = (o[::-1] if family.across else o for o in (family.first, family.second))
         row, column = (family.column, family.row) if family.across else (family.row, family.column)
         self.rest[n] = family.rest
@@ -72,20 +72,27 @@ class Sweep:
         elastic: 1.0, or 0.0 for the strain limit alone, done at a step's end until `wanted` says no. Velocities stay as
         they are then; weighted by inverse mass, it moves no centre of mass.
         """
-        for side in range(2):  # springs from row to row, then, on the turned board, along the rows
-            first, last, pitch, fronts = 0, self.along, self.board.pitch, self.board.ni + self.reach[0]
-            if side == 1:
-                first, last = self.along, self.count
-                pitch, fronts = self.board.turned_pitch, self.board.nj + self.reach[1]
-                self.board.turn(False)
-            for front in range(fronts):
-                for turn in range(2 * first, 2 * last):
-                    n, i = turn // 2, front - self.behind[turn]
-                    if i >= 0 and i < self.rows[n] and i % 2 == turn % 2:
-                        stiffness = self.row[n * self.stride + i] * h * h
-                        for block in range(self.blocks[n]):
-                            self._correct(n, i * pitch, block * LANES, stiffness, elastic)
-        self.board.turn(True)
+        for front in range(self.board.bands * LANES + self.reach[0]):
+            band, left = (front - self.reach[0]) // LANES, (front - self.reach[0]) % LANES
+            for side in range(2):  # springs from row to row; then those along the rows of a band that is left behind
+                first, last, pitch, lines = 0, self.along, self.board.pitch, 1
+                if side == 1:
+                    first, last, pitch, lines = self.along, self.count, LANES, 0
+                    if front >= self.reach[0] and left == LANES - 1:
+                        lines = self.board.nj + self.reach[1]
+                        self.board.turn(band, False)
+                for line in range(lines):
+                    for turn in range(2 * first, 2 * last):
+                        n = turn // 2
+                        i = (front if side == 0 else line) - self.behind[turn]
+                        if i >= 0 and i < self.rows[n] and i % 2 == turn % 2:
+                            stiffness = self.row[n * self.stride + i] * h * h
+                            for block in range(self.blocks[n] if side == 0 else 1):
+                                column = (block if side == 0 else band) * LANES
+                                at = i * pitch + (column if side == 0 else 0)
+                                self._correct(n, at, n * self.stride + column, stiffness, elastic)
+                if lines > 1:
+                    self.board.turn(band, True)
 
     @ti.func
     def wanted(self, clearing):
@@ -97,13 +104,13 @@ class Sweep:
         return again
 
     @ti.func
-    def _correct(self, n, row_start, column, stiffness, elastic):
-        """LANES springs of family n, of which no two share a node."""
-        p, q = self.first[n] + row_start + column, self.second[n] + row_start + column
+    def _correct(self, n, at, column, stiffness, elastic):
+        """LANES springs of family n, of which no two share a node; column: where their share of stiffness stands."""
+        p, q = self.first[n] + at, self.second[n] + at
         ax, ay, az = self.board.get_three(self.board.x, p)
         bx, by, bz = self.board.get_three(self.board.x, q)
         wa, wb = self.board.get(self.board.w, p), self.board.get(self.board.w, q)
-        k = stiffness * self.board.get(self.column, n * self.stride + column)
+        k = stiffness * self.board.get(self.column, column)
         dx, dy, dz = bx - ax, by - ay, bz - az
         length, rest = ti.sqrt(dx * dx + dy * dy + dz * dz), self.rest[n]
         s = wa

@@ -190,7 +190,6 @@ class Xpbd:
             at = self.board.place(node)
             self.board.set_vector(self.board.x, at, self.x[node])
             self.board.w[at] = self.inv_mass[node]
-            self.board.w[self.board.turned_place(node)] = self.inv_mass[node]
             self.board.set_vector(self.board.v, at, self.v[node] * (self.inv_mass[node] > 0.0))
             low, high = ti.min(low, self.x[node]), ti.max(high, self.x[node])
         self.tethers.begin()
