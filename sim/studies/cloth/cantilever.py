@@ -55,7 +55,7 @@ def measure(world) -> dict[str, float]:
     clamp, tip = x[held - 1, middle] - [0.5 * a, 0.0, 0.0], x[-1, middle]
     bent = (clamp[2] - tip[2]) / (tip[0] - clamp[0])
     drop, reach = elastica(gamma)
-    error = bent / (drop / reach) - 1.0 if tip[0] > clamp[0] else np.inf
+    error = abs(bent / (drop / reach) - 1.0) if tip[0] > clamp[0] else np.inf
     strain = world.build.parts["cloth"].max_strain()
     return {"error": error, "drop_over_reach": bent, "gamma": gamma, "strain": strain, **seconds}
 

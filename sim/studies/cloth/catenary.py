@@ -25,7 +25,8 @@ def measure(world) -> dict[str, float]:
     middle = x[:, nj // 2]
     found = middle[0, 2] - middle[(ni - 1) // 2, 2]
     length = world.config.cloth.size[0]
-    return {"error": found / sag(length, float(np.linalg.norm(middle[-1] - middle[0]))) - 1.0, "sag": found, **cost}
+    exact = sag(length, float(np.linalg.norm(middle[-1] - middle[0])))
+    return {"error": abs(found / exact - 1.0), "sag": found, **cost}
 
 
 CASE = Case(

@@ -43,7 +43,7 @@ def measure(world) -> dict[str, float]:
     k = np.flatnonzero(speeds[1:-1] * speeds[2:] < 0.0) + 1
     crossings = times[k] - speeds[k] * (times[k + 1] - times[k]) / (speeds[k + 1] - speeds[k])
     found = 2.0 * float(np.diff(crossings).mean())
-    return {"error": found / expected - 1.0, "period": found}
+    return {"error": abs(found / expected - 1.0), "period": found}
 
 
 def of(method: str, *more: str) -> Point:

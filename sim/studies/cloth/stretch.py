@@ -17,7 +17,7 @@ METHODS = {
 
 
 def measure(world) -> dict[str, float]:
-    """error: of the elongation rho_A g L/(2 Y) of the hanging sheet; stiffness of Y [N/m], poisson of 1/3: if pulled.
+    """Relative errors: hanging of rho_A g L/(2 Y); stiffness of Y [N/m] and poisson of 1/3 if pulled; error: the largest.
 
     Elongation is between the means of two edges: with a load all along an edge that is exact at any width (Betti 1872).
     """
@@ -33,12 +33,12 @@ def measure(world) -> dict[str, float]:
     solver.gravity = (0.0, 0.0, 0.0)
     x, _ = settled(world)
     along, across = strains(x, sheet.spacing)
-    return {
-        "error": hung / (weight / (2.0 * fabric.stretch)) - 1.0,
+    errors = {
+        "hanging": hung / (weight / (2.0 * fabric.stretch)) - 1.0,
         "stiffness": load / along / fabric.stretch - 1.0,
         "poisson": -3.0 * across / along - 1.0,
-        **cost,
     }
+    return {"error": max(map(abs, errors.values())), **errors, **cost}
 
 
 def strains(x: np.ndarray, spacing: float) -> tuple[float, float]:
@@ -59,7 +59,7 @@ CASE = Case(
     name="stretch",
     scene="pull",
     reference="rho_A g L/(2 Y); Y, nu = 1/3 of the lattice (Lloyd et al. 2007)",
-    bounds={"error": 0.01, "stiffness": 0.02, "poisson": 0.02},
+    bounds={"hanging": 0.01, "stiffness": 0.02, "poisson": 0.02},
     measure=measure,
     full=tuple(of(method, *more) for method, more in METHODS.items()),
     quick=(of("xpbd", "cloth.spacing=20 mm", *METHODS["xpbd"]),),

@@ -43,6 +43,6 @@ CASE = Case(
     reference="the same at 1.25 mm and 3 us",
     bounds={"error": 0.01},
     measure=measure,
-    full=tuple(of(method) for method in ("implicit_euler", "symplectic_euler", "xpbd")),
+    full=tuple(of(method) for method in ("symplectic_euler", "xpbd")),  # the implicit step damps: see the sweep
     quick=(of("xpbd", "cloth.spacing=10 mm"),),
 )
