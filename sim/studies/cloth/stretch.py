@@ -17,7 +17,7 @@ METHODS = {
 
 
 def measure(world) -> dict[str, float]:
-    """Relative errors: hanging of rho_A g L/(2 Y); stiffness of Y [N/m] and poisson of 1/3 if pulled; error: the largest.
+    """Relative errors: hanging of rho_A g L/(2 Y); stiffness of Y [N/m], poisson of 1/3 if pulled; error: the largest.
 
     Elongation is between the means of two edges: with a load all along an edge that is exact at any width (Betti 1872).
     """
