@@ -34,8 +34,8 @@ class SpringForces:
     @ti.func
     def add(self, force: ti.template(), x: ti.template(), retardation):
         """force [N] += that of every spring between the places x [m]; velocities are the board's."""
-        for n in range(self.count):
-            for i in range(self.rows[n]):
+        for i, n in ti.ndrange(self.board.ni, self.count):  # row by row: what all families meet is then in the cache
+            if i < self.rows[n]:
                 for block in range(self.blocks[n]):
                     column = block * LANES
                     stiffness = self.row[n, i] * self.board.get(self.column, n * self.pitch + column)
@@ -63,8 +63,8 @@ class SpringForces:
 
         K = k (n n^T + max(0, 1 - L/|d|) (1 - n n^T)), n = d/|d|: what is negative across a short spring is left out.
         """
-        for n in range(self.count):
-            for i in range(self.rows[n]):
+        for i, n in ti.ndrange(self.board.ni, self.count):
+            if i < self.rows[n]:
                 for block in range(self.blocks[n]):
                     column = block * LANES
                     stiffness = scale * self.row[n, i] * self.board.get(self.column, n * self.pitch + column)

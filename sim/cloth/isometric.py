@@ -64,8 +64,8 @@ class Isometric:
     def add(self, force: ti.template(), x: ti.template(), scale):
         """force += -scale Q x; every argument three fields of the board."""
         if ti.static(self.present):
-            for n in range(self.count):
-                for i in range(self.rows[n]):
+            for i, n in ti.ndrange(self.board.ni, self.count):
+                if i < self.rows[n]:
                     for block in range(self.blocks[n]):
                         column = block * LANES
                         k = scale * self.row[n, i] * self.board.get(self.column, n * self.pitch + column)

@@ -6,7 +6,8 @@ import numpy as np
 
 from sim.studies.case import Case, Point
 
-SUBSTEPS = 5
+SUBSTEPS = 20
+"""To a step, as in one of run.dt_max."""
 ROUNDS = 5
 
 
