@@ -40,7 +40,7 @@ class Forced(Xpbd):
     def substep_max(self) -> float:
         """cloth.METHOD.substep_max, within the limit where limits are obeyed [s]."""
         asked = self.params.substep_max or math.inf
-        if self.obeys or (self.settling and not self.params.substep_max):
+        if self.obeys or self._calmed():
             asked = min(asked, MARGIN * self._stable())
         return asked
 
@@ -54,7 +54,11 @@ class Forced(Xpbd):
 
     def _tau(self) -> float:
         """Retardation time in force [s]."""
-        return max(self.params.retardation, 1.0 / self.frequency if self.settling else 0.0)
+        return max(self.params.retardation, 1.0 / self.frequency if self._calmed() else 0.0)
+
+    def _calmed(self) -> bool:
+        """Whether it is settling, and in substeps of its own choice."""
+        return self.settling and (self.obeys or not self.params.substep_max)
 
     @staticmethod
     def bound(tau: float, omega: float) -> Limit:
