@@ -41,6 +41,8 @@ CHOICES = (
     Choice("fluid", "terms", "fluid.term", "term_params"),
     Choice("cloth", "method", "cloth.solver", "params"),
     Choice("cloth", "bending", "cloth.bending", "bending_params"),
+    Choice("cloth", "self_contact", "cloth.self_contact", "self_contact_params"),
+    Choice("cloth", "search", "search.boxes", None),
     Choice("coupling", "contact", "coupling.contact", "params"),
     Choice("coupling", "search", "search.boxes", None),
     Choice("wetting", "processes", "wetting", "params"),
@@ -143,6 +145,8 @@ def resolved_toml(config: Config) -> str:
             continue
         params = getattr(section, chosen)
         table[choice.section].pop(chosen, None)
+        if getattr(section, choice.key) is None:
+            continue
         named = params if isinstance(params, dict) else {getattr(section, choice.key): params}
         table[choice.section].update({name: p.model_dump(exclude_none=True) for name, p in named.items() if p})
     first = {key: table.pop(key) for key in ("name", "title", "overridden")}
@@ -309,6 +313,8 @@ def _read_methods(reading: _Reading, config: Config, registry) -> Config:
                 known += methods
                 params = {n: _params(f"{section}.{n}", m, tables.pop(n, {}), found) for n, m in methods.items()}
             picked = getattr(chosen, choice.key)
+            if picked is None:
+                continue
             found += _not_there(f"{section}.{choice.key}", picked, methods)
             if choice.target:
                 many = not isinstance(picked, str)

@@ -281,10 +281,13 @@ class Cloth(Model):
     method: str = option("xpbd", why="stable at every step")
     bending: str = option("flexion", why="springs over two meshes; isometric: a plate's, at every mesh; none")
     strain_limit: float | None = quantity(None, gt=0, le=1, why="Provot; absent = no limit")
+    self_contact: str | None = option(None, why="absent = the sheet does not feel itself")
+    search: str = option("grid", why="of self contact; linear in the patches")
     fabric: Fabric
     pins: dict[str, Pin] = Field(default_factory=dict)
     params: Any = derived()
     bending_params: Any = derived()
+    self_contact_params: Any = derived()
 
     _nonzero = field_validator("normal")(nonzero)
 

@@ -53,6 +53,8 @@ class World:
             classes += roster.methods(config)
         if config.cloth:
             classes.append(registry.method("cloth.solver", config.cloth.method))
+            if config.cloth.self_contact:
+                classes.append(registry.method("cloth.self_contact", config.cloth.self_contact))
         if config.coupling:
             classes.append(registry.method("coupling.contact", config.coupling.contact))
         if config.wetting:
@@ -81,6 +83,9 @@ class World:
             contact = registry.method("coupling.contact", config.coupling.contact)(build, config.coupling.params)
             stages += contact.stages()
         if config.cloth:
+            if config.cloth.self_contact:
+                contact = registry.method("cloth.self_contact", config.cloth.self_contact)
+                contact(build, config.cloth.self_contact_params)
             solver = registry.method("cloth.solver", config.cloth.method)(build, config.cloth.params)
             build.parts["cloth"] = solver
             stages += solver.stages()

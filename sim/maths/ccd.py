@@ -179,3 +179,63 @@ def _search(c, q0, dq, u0, du, v0, dv, tol, eps, rounding):
                 at_root = False
                 strides += 1
     return hit
+
+
+POINT, EDGES = 0, 1
+"""What meets what among four points: the first against the triangle of the others; the edge of the first two against
+that of the last two."""
+
+
+@ti.func
+def spanned(kind, a, b, c, d):
+    """(q, u, v) whose triple product q . (u x v) vanishes where the four points are coplanar."""
+    q, u, v = a - b, c - b, d - b
+    if kind == EDGES:
+        q, u, v = c - a, b - a, d - c
+    return q, u, v
+
+
+@ti.func
+def shares(kind, q, u, v):
+    """(share of the second point or of u's end, the other, whether both lie in the triangle or on the edges).
+
+    Point: barycentric weights b1, b2 of the projection. Edges: the places s, t where the lines come nearest.
+    """
+    uu, uv, vv = u.dot(u), u.dot(v), v.dot(v)
+    det = uu * vv - uv * uv
+    found = det > 1e-12 * uu * vv
+    qu, qv = q.dot(u), q.dot(v)
+    one, two = (vv * qu - uv * qv) / det, (uu * qv - uv * qu) / det
+    if kind == EDGES:
+        two = -two
+    return one, two, found
+
+
+@ti.func
+def within(kind, one, two, slack):
+    """Whether shares lie in the triangle, or on both edges, to `slack` [1]."""
+    room = 1.0 - one - two
+    if kind == EDGES:
+        room = 1.0 - ti.max(one, two)
+    return ti.min(one, two, room) >= -slack
+
+
+@ti.func
+def meets(kind, a0, b0, c0, d0, a1, b1, c1, d1):
+    """Whether a point and a triangle, or two edges, touch at any moment of the linear way 0 -> 1 [m]. All in f64."""
+    q0, u0, v0 = spanned(kind, a0, b0, c0, d0)
+    q1, u1, v1 = spanned(kind, a1, b1, c1, d1)
+    dq, du, dv = q1 - q0, u1 - u0, v1 - v0
+    c = coplanar_cubic(q0, dq, u0, du, v0, dv)
+    hull = ti.Vector([c[0], c[0] + c[1] / 3.0, c[0] + (2.0 * c[1] + c[2]) / 3.0, c.sum()], ti.f64)
+    hit = False
+    if hull.min() <= 0.0 <= hull.max():
+        knots = _knots(c)
+        for k in range(3):
+            if not hit:
+                f_a, f_b = cubic(c, knots[k]), cubic(c, knots[k + 1])
+                if f_a * f_b <= 0.0 and (f_a != 0.0 or f_b != 0.0):
+                    t = _bisect(c, knots[k], knots[k + 1])
+                    one, two, found = shares(kind, q0 + t * dq, u0 + t * du, v0 + t * dv)
+                    hit = found and within(kind, one, two, INSIDE)
+    return hit
