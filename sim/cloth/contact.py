@@ -10,13 +10,17 @@ from sim.cloth.board import Board
 class SolidContact:
     """For each primitive: mark whether the sheet can reach it in this step, then correct nodes in each substep.
 
+    touch[place], if remembered: normal of the solid that pushed a node in this substep, else 0.
+
     Nodes only: between two of them an edge of a box may stand out by less than half a mesh width. The distance to a
     solid that moves is taken where it was at the step's start, less the way that it came since.
     """
 
-    def __init__(self, bodies: Bodies, thickness: float, board: Board):
-        self.bodies, self.board, self.offset = bodies, board, 0.5 * thickness
+    def __init__(self, bodies: Bodies, thickness: float, board: Board, remember: bool = False):
+        self.bodies, self.board, self.offset, self.remember = bodies, board, 0.5 * thickness, remember
         self.near = ti.field(ti.i32, max(bodies.count, 1))
+        if remember:
+            self.touch = ti.Vector.field(3, board.real, board.half)
 
     @ti.func
     def mark(self, low, high, dt):
@@ -36,6 +40,9 @@ class SolidContact:
     @ti.func
     def project(self, h, since):
         """Push nodes out of every solid they can reach, in a substep of h [s] that ends `since` the step's start."""
+        if ti.static(self.remember):
+            for at in range(self.board.half):
+                self.touch[at] = 0.0
         if ti.static(self.bodies.count > 0):
             for k in range(self.bodies.count):
                 if self.near[k]:
@@ -75,5 +82,7 @@ class SolidContact:
             slide = past - past.dot(normal) * normal
             hold = self.bodies.friction[k] * (depth - was)
             x -= slide * ti.min(1.0, hold / ti.max(slide.norm(), 1e-12))
+            if ti.static(self.remember):
+                self.touch[at] = normal
             self.board.set_vector(self.board.x, at, x)
             self.board.set_vector(self.board.start, at, start)

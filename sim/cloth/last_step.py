@@ -144,8 +144,8 @@ class LastStep:
                         q = partner[p * room + k]
                         for t in range(self.elements.count(p, q)):
                             if (mask[p * room + k] >> t) & 1:
-                                _, four, _fits = self.elements.test(p, q, t)
-                                for e in range(1, 4):
+                                _kind, four, _fits = self.elements.test(p, q, t)
+                                for e in ti.static(range(1, 4)):
                                     self._join(four[0], four[e])
                                 self.carried[None] += 1
             self._gather()
