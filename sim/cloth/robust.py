@@ -95,10 +95,9 @@ class Robust:
             before = q.dot(n)
             if before < 0.0:
                 n, before = -n, -before
-            if before < 4.0 * self.thickness:
-                one, two, found = shares(kind, q, u, v)
-                if found and within(kind, one, two, OVERHANG):
-                    self._part(board, at, self._weights(kind, one, two), n, before, h)
+            one, two, found = shares(kind, q, u, v)
+            if found and within(kind, one, two, OVERHANG):
+                self._part(board, at, self._weights(kind, one, two), n, before, h)
 
     @ti.func
     def _weights(self, kind, one, two):
