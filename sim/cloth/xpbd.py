@@ -66,7 +66,9 @@ class Xpbd:
         self.bending = Isometric(sheet, self.board)
         self.pull = [ti.field(self.board.real, self.board.half) for _ in range(3)]
         self.tethers = Tethers(sheet, self.board, cloth.strain_limit)
-        self.contact = SolidContact(Bodies.of(build), sheet.thickness, self.board, "self_contact" in build.parts)
+        self.contact = SolidContact(
+            Bodies.of(build), sheet.thickness, self.board, sheet.spacing, "self_contact" in build.parts
+        )
         bend = top_frequency(sheet, springs=False) if self.bending.present else 0.0
         self.whole_bend = 1.0 / bend if bend else math.inf
         self.bend_within = ti.field(self.board.real, ())
