@@ -164,7 +164,22 @@ def _cloth(config: Config) -> list[Problem]:
         for name, pin in cloth.pins.items()
         if not isinstance(pin.where, str) and any(i >= across or j >= along for i, j in pin.where)
     ]
-    return [problem for problem in mesh if problem.text] + pins
+    still = [
+        Problem(f"cloth.pins.{name}.path", 'needs cloth.method = "xpbd"')
+        for name, pin in cloth.pins.items()
+        if pin.path and cloth.method != "xpbd"
+    ]
+    return [problem for problem in mesh if problem.text] + pins + still + _guests(config)
+
+
+def _guests(config: Config) -> list[Problem]:
+    """What takes part in the substeps of one solver alone."""
+    found = []
+    if config.cloth.self_contact and config.cloth.method != "xpbd":
+        found.append(Problem("cloth.self_contact", 'needs cloth.method = "xpbd"'))
+    if config.space.wind and config.cloth.method != "xpbd":
+        found.append(Problem("space.wind", 'needs cloth.method = "xpbd"'))
+    return found
 
 
 def _mesh(side: float, spacing: float) -> str:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from sim.model import REQUIRED, Model, fault, option, quantity
-from sim.shapes import AnySolid, Vector, nonzero
+from sim.shapes import AnySolid, Path, Vector, nonzero
 
 VERSION = 1
 """Of the scene format; a file that asks for a newer one is refused."""
@@ -50,6 +50,7 @@ class Space(Model):
     """[space]: gravity, and the box that water lives in; what leaves it is booked as drained."""
 
     gravity: Vector = quantity((0.0, 0.0, -9.81), "acceleration", why="z up")
+    wind: Vector | None = quantity(None, "speed", why="on cloth; absent = no air, [0, 0, 0] = still air, which drags")
     low: Vector | None = quantity(None, "length")
     high: Vector | None = quantity(None, "length")
     periodic: tuple[Literal["x", "y", "z"], ...] = option((), why="axes that close on themselves: nothing leaves there")
@@ -251,6 +252,7 @@ class Pin(Model):
         REQUIRED
     )
     clip: float = quantity("15 mm", "length", ge=0, why="a clip, not a point: a point pin strains without bound")
+    path: Path | None = Field(None, description="absent = it stays; its centre: absent = the middle of what it holds")
 
     @field_validator("where", mode="before")
     @classmethod

@@ -10,6 +10,8 @@ import numpy as np
 from sim import guard, registry
 from sim.bodies import Bodies
 from sim.clock import Clock
+from sim.cloth.clips import Clips
+from sim.cloth.wind import Wind
 from sim.fluid import roster
 from sim.frame import Frame, Static
 from sim.ledger import Masses, kinetic_energy, top_speed
@@ -53,6 +55,7 @@ class World:
             classes += roster.methods(config)
         if config.cloth:
             classes.append(registry.method("cloth.solver", config.cloth.method))
+            classes += [Clips] if Clips.wanted(config) else []
             if config.cloth.self_contact:
                 classes.append(registry.method("cloth.self_contact", config.cloth.self_contact))
         if config.coupling:
@@ -83,6 +86,10 @@ class World:
             contact = registry.method("coupling.contact", config.coupling.contact)(build, config.coupling.params)
             stages += contact.stages()
         if config.cloth:
+            if Clips.wanted(config):
+                stages += Clips(build).stages()
+            if config.space.wind is not None:
+                Wind(build)
             if config.cloth.self_contact:
                 contact = registry.method("cloth.self_contact", config.cloth.self_contact)
                 contact(build, config.cloth.self_contact_params)

@@ -11,6 +11,10 @@ from sim.cloth.board import LANES, Board
 from sim.scene.cloth import Sheet
 
 
+FREE = 1e6
+"""[m] The tether of a node that a clip holds: it goes where the clip goes."""
+
+
 @ti.data_oriented
 class Tethers:
     """One a node, to the held node nearest on the flat sheet. None without clips or without a limit."""
@@ -24,7 +28,8 @@ class Tethers:
             self.pin.from_numpy(sheet.pin_nearest.astype(np.int32))
             self.held = [ti.field(board.real, board.half) for _ in range(3)]
             self.longest = ti.field(board.real, board.half)
-            self.longest.from_numpy(board.laid_out((1.0 + strain_limit) * sheet.pin_distance))
+            reach = np.where(sheet.pin_distance > 0.0, (1.0 + strain_limit) * sheet.pin_distance, FREE)
+            self.longest.from_numpy(board.laid_out(reach))
 
     @ti.func
     def begin(self):

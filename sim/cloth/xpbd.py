@@ -75,6 +75,7 @@ class Xpbd:
         self.bend_within[None] = self.whole_bend
         self.obeys = getattr(getattr(build.config, "run", None), "dt_limits", True)
         self.measure = Measure(sheet, self.x, self.v, self.mass)
+        self.clips_move = "clips" in build.parts
         self.guests = build.parts.setdefault("guests", [])
         self.simulated, self.substeps = 0.0, 0
 
@@ -192,7 +193,7 @@ class Xpbd:
             at = self.board.place(node)
             self.board.set_vector(self.board.x, at, self.x[node])
             self.board.w[at] = self.inv_mass[node]
-            self.board.set_vector(self.board.v, at, self.v[node] * (self.inv_mass[node] > 0.0))
+            self.board.set_vector(self.board.v, at, self.v[node] * (self.inv_mass[node] > 0.0 or self.clips_move))
             low, high = ti.min(low, self.x[node]), ti.max(high, self.x[node])
         self.tethers.begin()
         reach = 2.0 * dt * (largest_speed(self.board) + dt * gravity.norm()) + self.sheet.spacing
@@ -247,3 +248,5 @@ class Xpbd:
             if self.board.w[at] > 0.0:
                 self.x[node] = self.board.vector(self.board.x, at)
                 self.v[node] = self.board.vector(self.board.v, at)
+            elif ti.static(self.clips_move):
+                self.x[node] = self.board.vector(self.board.x, at)
