@@ -10,7 +10,6 @@ import taichi as ti
 from sim.cloth.board import LANES, Board
 from sim.scene.cloth import Sheet
 
-
 FREE = 1e6
 """[m] The tether of a node that a clip holds: it goes where the clip goes."""
 

@@ -7,9 +7,9 @@ from sim.constants import AIR_DENSITY
 from sim.stage import Build
 
 FACE_ON = 1.2
-"""[1] Normal force of a plate across the flow, in rho_a |u|^2 A/2 (Hoerner 1965, 3-16: 1.1 to 1.3 for near squares)."""
+"""[1] Normal force of a plate across the flow, in rho_a |u|^2 A/2 (Hoerner 1965: 1.1 to 1.3 near square)."""
 SKIN = 0.02
-"""[1] Drag of both faces of a plate along the flow, in the same: turbulent, rough (Hoerner 1965, 2-6: 0.005 to 0.02)."""
+"""[1] Drag of both faces of a plate along the flow, in the same: rough and turbulent (Hoerner 1965)."""
 
 
 @ti.data_oriented
