@@ -1,0 +1,114 @@
+"""Scenes of cloth that meets itself for test_folds.py, each run in a process of its own; they return plain numbers."""
+
+import numpy as np
+from spawned import open_world
+
+PILE = ("run.duration=1.0", "run.fps=25")
+
+
+def _hash_at(world, frame):
+    while world.frame_index < frame:
+        world.advance()
+    return world.state_hash()
+
+
+def pile(frames=20):
+    """(crossings at each frame, largest strain, kept hash, hash after going back, counts) of a coarse pile."""
+    from sim.studies.crossings import crossings
+
+    world = open_world("pile", *PILE, quick=True)
+    triangles = np.asarray(world.scene.sheet.triangles)
+    found, strain = [], 0.0
+    for frame in range(1, frames + 1):
+        x = world.advance().cloth_x
+        found.append(crossings(x, triangles))
+        strain = max(strain, world.build.parts["cloth"].max_strain())
+        if frame == 13:
+            kept = world.save()
+            ahead = _hash_at(world, 15)
+            world.load(kept)
+    world.load(kept)
+    return found, strain, ahead, _hash_at(world, 15), world.build.parts["self_contact"].counts()
+
+
+def pile_on_one_thread():
+    """Its hash at frame 15."""
+    return _hash_at(open_world("pile", *PILE, quick=True, threads=1), 15)
+
+
+def clap(method):
+    """(kinetic energy over its peak at the end, farthest that a node goes in the last second [m], crossings at last)"""
+    from sim.studies.crossings import crossings
+
+    world = open_world(
+        "handclap", f"cloth.self_contact={method}", "cloth.xpbd.damping=4", "run.duration=8", "run.fps=10"
+    )
+    places, peak = [], 0.0
+    for _ in range(75):
+        places.append(world.advance().cloth_x)
+        energy = world.build.parts["cloth"].kinetic_energy()
+        peak = max(peak, energy)
+    moved = np.linalg.norm(places[-1] - places[-10], axis=1).max()
+    return energy / peak, float(moved), crossings(places[-1], np.asarray(world.scene.sheet.triangles))
+
+
+def curtain():
+    """(farthest that a held node is from its place on the path [m], waiting included; largest strain)"""
+    world = open_world("curtain", quick=True)
+    clips, worst, strain = world.build.parts["clips"], 0.0, 0.0
+    for _ in range(4):
+        x = world.advance().cloth_x
+        now = float(world.state["cloth.clips.time"][0])
+        for grip in clips.grips:
+            worst = max(worst, np.abs(x[grip.nodes] - grip.place(now)).max())
+        strain = max(strain, world.build.parts["cloth"].max_strain())
+    return float(worst), now, strain
+
+
+def blown(wind):
+    """Acceleration [m/s^2] that a flat, free sheet across x gets from a wind, gravity off."""
+    settings = (f"space.wind={wind}", "space.gravity=[0,0,0]", "cloth.normal=[1,0,0]", "run.fps=500", "cloth.pins={}")
+    world = open_world("pile", *settings, quick=True, precision="f64")
+    world.advance()
+    return (world.state["cloth.v"].to_numpy() / world.clock.time).mean(0)
+
+
+def met(count=2000):
+    """(missed, invented) for points and triangles, and for edges: ways made to meet at a known moment, and to miss."""
+    import taichi as ti
+
+    from sim import runtime
+    from sim.maths.ccd import EDGES, POINT, meets
+
+    runtime.start(threads=2)
+
+    @ti.kernel
+    def answer(kind: ti.i32, x: ti.types.ndarray(), hit: ti.types.ndarray()):
+        for n in range(x.shape[0]):
+            p = ti.Matrix([[x[n, i, d] for d in ti.static(range(3))] for i in ti.static(range(8))])
+            a = [ti.Vector([p[i, 0], p[i, 1], p[i, 2]]) for i in ti.static(range(8))]
+            hit[n] = meets(kind, a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7])
+
+    rng, found = np.random.default_rng(3), []
+    for kind in (POINT, EDGES):
+        x = rng.uniform(-1.0, 1.0, (count, 8, 3))
+        moment, share = rng.uniform(0.0, 1.0, (count, 1)), rng.dirichlet(np.ones(3), count)
+        at = x[:, :4] + moment[:, None] * (x[:, 4:] - x[:, :4])
+        if kind == POINT:
+            gap = (share[:, :, None] * at[:, 1:]).sum(1) - at[:, 0]
+            moved = [0, 4]
+        else:
+            s, t = share[:, :1], share[:, 1:2]
+            gap = at[:, 2] + t * (at[:, 3] - at[:, 2]) - at[:, 0] - s * (at[:, 1] - at[:, 0])
+            moved = [0, 1, 4, 5]
+        x[:, moved] += gap[:, None]
+        first = [0] if kind == POINT else [0, 1]
+        away = x.copy()
+        reach = [away[:, k::4, 2] for k in range(4)]
+        lift = max(r.max() for k, r in enumerate(reach) if k not in first) - min(reach[k].min() for k in first) + 1e-3
+        away[:, [k + m for k in first for m in (0, 4)], 2] += lift
+        hits = np.zeros((2, count), np.int32)
+        answer(kind, np.ascontiguousarray(x), hits[0])
+        answer(kind, np.ascontiguousarray(away), hits[1])
+        found.append((int((hits[0] == 0).sum()), int(hits[1].sum())))
+    return found
