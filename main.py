@@ -248,6 +248,31 @@ def ablate(
 
 
 @app.command()
+def gallery(
+    out: Annotated[Path | None, typer.Option(help="The picture; outputs/gallery/fabrics.png if left out.")] = None,
+) -> None:
+    """Drape every fabric card over the same pedestal, and put the pictures side by side."""
+    from render.gallery import side_by_side
+    from sim.run import OUTPUTS
+    from sim.studies import drapes
+
+    path, cards, pictures = out or OUTPUTS / "gallery" / "fabrics.png", drapes.cards(), []
+    with _progress("gallery", len(cards)) as reach:
+        for name, words in cards:
+            pictures.append((words, drapes.hang(name, _portrait)))
+            reach(len(pictures))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    side_by_side(pictures, path)
+    print(path)
+
+
+def _portrait(frame, static):
+    from render.draw import Look, draw
+
+    return draw(frame, Look(size=(640, 600), eye=(0.55, -0.62, 0.52), target=(0.0, 0.0, 0.19)), static)
+
+
+@app.command()
 def doctor(
     scene: Annotated[str | None, typer.Argument(help="A scene: its constants, limits and cost.")] = None,
     settings: Settings = None,

@@ -7,8 +7,8 @@ from typing import Any
 
 
 def expected_speed(config: Any) -> float:
-    """Fastest that this scene can make water or cloth [m/s]: as fluid.expected_speed says, or inflow and moving solids,
-    and a fall through the whole domain.
+    """Fastest that this scene can make water or cloth [m/s]: as fluid.expected_speed says, or inflow, wind, moving
+    solids and clips, and a fall through the whole domain.
 
     Tension draws back the thinnest film there can be, of one spacing, at sqrt(2 gamma/(rho dx)) (Culick 1960).
     """
@@ -17,6 +17,9 @@ def expected_speed(config: Any) -> float:
     speeds = [emitter.speed for emitter in config.emitter.values()]
     speeds += [solid.path.top_speed for solid in config.solid.values() if solid.path]
     speeds += [math.hypot(*solid.slide) for solid in config.solid.values()]
+    if config.cloth:
+        speeds += [pin.path.top_speed for pin in config.cloth.pins.values() if pin.path]
+        speeds += [math.hypot(*config.space.wind)] if config.space.wind else []
     if config.fluid:
         speeds += [math.hypot(*block.velocity) + block.vortices for block in config.fluid.block.values()]
         speeds += [math.hypot(*ball.velocity) for ball in config.fluid.ball.values()]

@@ -21,6 +21,8 @@ SLACK = 0.5
 """[thickness] Pairs are listed this much before they touch, for what velocities at a step's start do not tell."""
 OVERHANG = 0.05
 """[1] A node this far beside a triangle, or an edge's end, still counts: no gap is left between two triangles."""
+PARALLEL = 0.01
+"""[rad] Edges at less than this have no direction across both; nodes over triangles keep them apart."""
 
 
 @register("cloth.self_contact", "robust")
@@ -91,12 +93,14 @@ class Robust:
             a, b = board.vector(board.start, at[0]), board.vector(board.start, at[1])
             q, u, v = spanned(kind, a, b, board.vector(board.start, at[2]), board.vector(board.start, at[3]))
             n = u.cross(v)
-            n = n / ti.max(n.norm(), 1e-30)
+            across = n.norm()
+            n = n / ti.max(across, 1e-30)
             before = q.dot(n)
             if before < 0.0:
                 n, before = -n, -before
             one, two, found = shares(kind, q, u, v)
-            if found and within(kind, one, two, OVERHANG):
+            steep = across > PARALLEL * u.norm() * v.norm()
+            if found and steep and within(kind, one, two, OVERHANG):
                 self._part(board, at, self._weights(kind, one, two), n, before, h)
 
     @ti.func
