@@ -53,7 +53,7 @@ def _check(scene: str, frames: int) -> list[str]:
     return broken
 
 
-@pytest.mark.parametrize("scene, frames", [("seep", 5), ("tablecloth", 1), ("explosion", 2)])
+@pytest.mark.parametrize("scene, frames", [("seep", 5), ("tablecloth", 1), ("curtain", 1), ("explosion", 2)])
 def test_stages_do_what_they_declare(scene, frames):
     assert spawn(_check, scene, frames) == []
 

@@ -7,6 +7,7 @@ from sim import runtime
 from sim.errors import CapacityError
 from sim.registry import method
 from sim.scene.cloth import Sheet
+from sim.search.boxes import overlap
 
 FIRST_ROOM = 24
 """Partners a patch to begin with: itself, four neighbours, and those of a fold or two."""
@@ -28,7 +29,7 @@ class PatchPairs:
         self.nodes.from_numpy(np.asarray(sheet.patches, np.int32))
         self.low, self.high = (ti.Vector.field(3, float, shape=self.patch_count) for _ in range(2))
         self.count = ti.field(ti.i32, shape=self.patch_count)
-        self.boxes = method("search.boxes", search)(self.patch_count, 2.0 * sheet.spacing)
+        self.boxes = method("search.boxes", search)(self.patch_count)
         self.few = runtime.few(8 * self.patch_count)
         self._reserve(FIRST_ROOM)
 
@@ -98,21 +99,32 @@ class PatchPairs:
 
     @ti.kernel
     def _find(self, partner: ti.template(), room: ti.i32) -> ti.i32:
-        """Fill `partner`; the most partners that a patch has. A pair is taken in the first cell that both are in."""
+        """Fill `partner`, numbers rising, so that it does not depend on the search; the most that a patch wants."""
         most = 0
         for p in range(self.patch_count):
             low, high, found = self.low[p], self.high[p], 0
-            first, last = self.boxes.window(low, high)
-            for i, j, k in ti.ndrange((first[0], last[0] + 1), (first[1], last[1] + 1), (first[2], last[2] + 1)):
-                cell = self.boxes.flat(i, j, k)
-                for s in range(self.boxes.start[cell], self.boxes.start[cell + 1]):
+            walk = self.boxes.begin(low, high)
+            while walk[0] < walk[1]:
+                walk, first, last = self.boxes.next(walk, low, high)
+                for s in range(first, last):
                     q = self.boxes.slots[s]
-                    if q >= p and ti.max(self.low[q] - high, low - self.high[q]).max() <= 0.0:
-                        other, _ = self.boxes.window(self.low[q], self.high[q])
-                        if (ti.max(first, other) == ti.Vector([i, j, k])).all():
-                            if found < room:
-                                partner[p * room + found] = q
-                            found += 1
+                    if q >= p:
+                        if overlap(low, high, self.low[q], self.high[q]):
+                            found += self._enter(partner, p * room, ti.min(found, room), found < room, q)
             self.count[p] = found
             ti.atomic_max(most, found)
         return most
+
+    @ti.func
+    def _enter(self, partner: ti.template(), begin, known, space, q):
+        """Put q in its place among the `known` first entries of a row; 1 if it was not there, and needs space."""
+        at, new = known, 1
+        while at > 0 and partner[begin + ti.max(at - 1, 0)] > q:
+            at -= 1
+        if at > 0 and partner[begin + ti.max(at - 1, 0)] == q:
+            new = 0
+        elif space:
+            for m in range(known - at):
+                partner[begin + known - m] = partner[begin + known - m - 1]
+            partner[begin + at] = q
+        return new
