@@ -42,9 +42,9 @@ def test_threads_do_not_change_a_bit_of_a_pile(pile):
 
 
 def test_penalty_claps_and_robust_comes_to_rest():
-    energy, moved, found = spawn(scenes.clap, "robust")
+    energy, moved, found = spawn(scenes.clap, "robust", 76)
     assert energy < 1e-6 and moved < 1e-3 and found == 0
-    energy, *_ = spawn(scenes.clap, "penalty")
+    energy, *_ = spawn(scenes.clap, "penalty", 40)
     assert energy > 1e-2
 
 
