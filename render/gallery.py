@@ -12,7 +12,7 @@ from render.charts import save
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt  # noqa: E402  (the backend must be chosen first: there may be no display)
 
-WIDTH, LINES = 2.4, 0.45
+WIDTH, LINES = 2.25, 0.45
 """[inch] Of a picture, and of the two lines of text below it."""
 
 
@@ -24,7 +24,7 @@ def side_by_side(pictures: list[tuple[str, np.ndarray]], path: Path) -> None:
     for axis, (text, pixels) in zip(np.atleast_1d(axes), pictures):
         axis.imshow(pixels, interpolation="antialiased")
         axis.set_axis_off()
-        axis.text(0.5, -0.03, text, transform=axis.transAxes, ha="center", va="top", fontsize=7.5)
+        axis.text(0.5, -0.03, text, transform=axis.transAxes, ha="center", va="top", fontsize=7)
     share = LINES / (height + LINES)
     figure.subplots_adjust(left=0.0, right=1.0, top=1.0, bottom=share, wspace=0.01)
     save(figure, path)

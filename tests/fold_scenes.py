@@ -40,9 +40,7 @@ def clap(method, frames):
     """(most kinetic energy of the last second over its peak, farthest that a node goes in it [m], crossings at last)"""
     from sim.studies.crossings import crossings
 
-    world = open_world(
-        "handclap", f"cloth.self_contact={method}", "cloth.xpbd.damping=4", "run.duration=8", "run.fps=10"
-    )
+    world = open_world("handclap", f"cloth.self_contact={method}", "run.duration=8", "run.fps=10")
     places, energies = [], []
     for _ in range(frames):
         places.append(world.advance().cloth_x)

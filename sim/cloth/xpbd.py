@@ -47,6 +47,7 @@ class Xpbd:
             "0.1 ms", "time", gt=0, why="dry cotton on 5 mm: 1.6 x too soft, at 0.05 ms 1.04 x"
         )
         damping: float = quantity("0.2 1/s", ge=0, why="of velocity relative to the sheet's own rigid motion")
+        drag: float = quantity("0 1/s", ge=0, why="of all motion: damping alone lets a clipped sheet swing for ever")
 
     rows = ("cloth.x", "cloth.v", "cloth.mass", "cloth.inv_mass")
     scratch = ()
@@ -89,7 +90,7 @@ class Xpbd:
         """dt seconds in ceil(dt/substep_max) equal substeps."""
         for guest in self.guests:
             guest.begin(dt)
-        self.advance(dt, self.params.damping, 0.0)
+        self.advance(dt, self.params.damping, self.params.drag)
         for guest in self.guests:
             guest.end(dt)
 
