@@ -58,7 +58,7 @@ def of(method: str, *more: str) -> Point:
 CASE = Case(
     name="stretch",
     scene="pull",
-    reference="rho_A g L/(2 Y); Y, nu = 1/3 of the lattice (Lloyd et al. 2007)",
+    reference="Y and nu = 1/3, Lloyd et al. 2007",
     bounds={"hanging": 0.01, "stiffness": 0.02, "poisson": 0.02},
     measure=measure,
     full=tuple(of(method, *more) for method, more in METHODS.items()),
