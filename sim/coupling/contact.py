@@ -50,7 +50,7 @@ class Contact:
                 "contact.sides",
                 "side",
                 self._begin,
-                reads=("fluid.x", "fluid.id", "cloth.x"),
+                reads=("fluid.x", "fluid.v", "fluid.id", "cloth.x", "cloth.v"),
                 writes=("fluid.triangle", "fluid.side"),
             ),
             Stage(
