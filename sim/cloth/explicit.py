@@ -109,6 +109,7 @@ class ForcedParams(Model):
 
     substep_max: float | None = quantity(None, "time", gt=0, why="absent = as long as is stable")
     damping: float = quantity("0.2 1/s", ge=0, why="of velocity relative to the sheet's own rigid motion")
+    drag: float = quantity("0 1/s", ge=0, why="of all motion: damping alone lets a clipped sheet swing for ever")
     retardation: float = quantity("0 s", "time", ge=0, why="of the threads: tension k (dl + tau dl/dt); 0 = none")
 
 
