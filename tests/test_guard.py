@@ -13,6 +13,7 @@ from sim.stage import Limit, Stage, Suspect
 SCENE = SimpleNamespace(
     emitter={"spout": SimpleNamespace(speed=0.5)},
     solid={},
+    cloth=SimpleNamespace(method="xpbd", pins={}),
     fluid=SimpleNamespace(
         block={},
         ball={},

@@ -112,7 +112,7 @@ def _dry() -> dict:
 
     from taichi.lang.kernel_impl import Kernel
 
-    world = open_world("tablecloth", quick=True)
+    world = open_world("drape", quick=True)
     world.advance()
     compiled = {k.func.__module__ for k in gc.get_objects() if isinstance(k, Kernel) and k.compiled_kernels}
     return {"rows": list(world.state.rows), "modules": compiled}

@@ -19,7 +19,7 @@ from sim.registry import register
 from sim.stage import Build, Stage, Suspect
 
 SETTLE_STEP = 0.02
-"""[s] Between two looks at whether the sheet is at rest; less costs kernel calls."""
+"""[s] Between two looks at whether the sheet is at rest, and two brakings; less costs kernel calls."""
 SETTLE_DRAG = 20.0
 """[1/s] Near critical for the slowest swing of a sheet sagging 5 cm, sqrt(g/sag) = 14 1/s: more creeps, less swings."""
 SETTLED_SPEED = 1e-4
@@ -113,7 +113,8 @@ class Xpbd:
         """Hang under strong drag, water or not, for `seconds` or until at rest (`still`, rms); end without speed."""
         rest = 0.5 * float(self.sheet.mass.sum()) * still**2
         for _ in range(math.ceil(seconds / SETTLE_STEP - 1e-9)):
-            self.advance(SETTLE_STEP, self.params.damping, SETTLE_DRAG)
+            self.advance(SETTLE_STEP, self.params.damping, self.params.drag)
+            self._slow(math.exp(-SETTLE_DRAG * SETTLE_STEP))
             if not self.kinetic_energy() >= rest:  # or no number any more, which is for others to tell
                 break
         self.v.fill(0.0)
@@ -184,6 +185,14 @@ class Xpbd:
             if kept < 1.0:
                 damp_relative(self.board, kept)
             self._store()
+
+    @ti.kernel
+    def _slow(self, left: float):
+        """Drag of settling, between looks and not in each substep: a sheet that springs up at first must fall back
+        through its own dome."""
+        ti.loop_config(serialize=True)
+        for node in range(self.node_count):
+            self.v[node] *= left
 
     @ti.func
     def _load(self, dt, gravity):
