@@ -23,7 +23,7 @@ SCENE = SimpleNamespace(
         params=SimpleNamespace(cfl=0.4),
         liquid=SimpleNamespace(rest_density=1000.0),
     ),
-    space=SimpleNamespace(gravity=(0.0, 0.0, -9.81), low=(0.0, 0.0, 0.0), high=(1.0, 1.0, 0.3)),
+    space=SimpleNamespace(wind=None, gravity=(0.0, 0.0, -9.81), low=(0.0, 0.0, 0.0), high=(1.0, 1.0, 0.3)),
 )
 
 

@@ -73,10 +73,10 @@ class Forced(Xpbd):
         """A substep to take [s]."""
         return self.limit().seconds
 
-    def advance(self, dt: float, damping: float, drag: float) -> None:
+    def advance(self, dt: float, damping: float, drag: float, brake: float = 0.0) -> None:
         """See Xpbd; notes the longest substep for the guard."""
         self.longest = max(self.longest, dt / max(1, math.ceil(dt / self.substep_max() - 1e-9)))
-        super().advance(dt, damping, drag)
+        super().advance(dt, damping, drag, brake)
 
     def suspects(self) -> tuple[Suspect, ...]:
         """A substep beyond the limit."""

@@ -94,12 +94,16 @@ class Xpbd:
         for guest in self.guests:
             guest.end(dt)
 
-    def advance(self, dt: float, damping: float, drag: float) -> None:
-        """The step itself. damping [1/s]: of motion that is not rigid; drag [1/s]: of all motion."""
+    def advance(self, dt: float, damping: float, drag: float, brake: float = 0.0) -> None:
+        """The step itself. damping [1/s]: of motion that is not rigid; drag [1/s]: of all motion.
+
+        brake [1/s]: the same at the end of dt, not in each substep, so that a sheet that springs up as it settles falls
+        back through its dome.
+        """
         count = max(1, math.ceil(dt / self.substep_max() - 1e-9))
         self.simulated, self.substeps = self.simulated + dt, self.substeps + count
         kept, left = math.exp(-damping * dt), math.exp(-drag * dt / count)
-        self._advance(count, dt / count, tm.vec3(self.gravity), kept, left)
+        self._advance(count, dt / count, tm.vec3(self.gravity), kept, left, math.exp(-brake * dt))
 
     def substep_max(self) -> float:
         """cloth.METHOD.substep_max, and no longer than bending can be taken in whole [s]."""
@@ -113,8 +117,7 @@ class Xpbd:
         """Hang under strong drag, water or not, for `seconds` or until at rest (`still`, rms); end without speed."""
         rest = 0.5 * float(self.sheet.mass.sum()) * still**2
         for _ in range(math.ceil(seconds / SETTLE_STEP - 1e-9)):
-            self.advance(SETTLE_STEP, self.params.damping, self.params.drag)
-            self._slow(math.exp(-SETTLE_DRAG * SETTLE_STEP))
+            self.advance(SETTLE_STEP, self.params.damping, self.params.drag, SETTLE_DRAG)
             if not self.kinetic_energy() >= rest:  # or no number any more, which is for others to tell
                 break
         self.v.fill(0.0)
@@ -160,7 +163,7 @@ class Xpbd:
         self.board.set_vector(self.board.v, at, self.board.vector(self.board.v, at) + change)
 
     @ti.kernel
-    def _advance(self, count: ti.i32, h: float, gravity: tm.vec3, kept: float, left: float):
+    def _advance(self, count: ti.i32, h: float, gravity: tm.vec3, kept: float, left: float, slowed: float):
         ti.loop_config(serialize=True)
         for _ in range(1):
             self._load(count * h, gravity)
@@ -184,15 +187,7 @@ class Xpbd:
                         guest.finish(h)
             if kept < 1.0:
                 damp_relative(self.board, kept)
-            self._store()
-
-    @ti.kernel
-    def _slow(self, left: float):
-        """Drag of settling, between looks and not in each substep: a sheet that springs up at first must fall back
-        through its own dome."""
-        ti.loop_config(serialize=True)
-        for node in range(self.node_count):
-            self.v[node] *= left
+            self._store(slowed)
 
     @ti.func
     def _load(self, dt, gravity):
@@ -252,11 +247,11 @@ class Xpbd:
                 self.board.put(self.board.v[d], at, left * ((x - start) / h))
 
     @ti.func
-    def _store(self):
+    def _store(self, slowed):
         for node in range(self.node_count):
             at = self.board.place(node)
             if self.board.w[at] > 0.0:
                 self.x[node] = self.board.vector(self.board.x, at)
-                self.v[node] = self.board.vector(self.board.v, at)
+                self.v[node] = slowed * self.board.vector(self.board.v, at)
             elif ti.static(self.clips_move):
                 self.x[node] = self.board.vector(self.board.x, at)
