@@ -44,11 +44,11 @@ class Forced(Xpbd):
             asked = min(asked, MARGIN * self._stable())
         return asked
 
-    def settle(self, seconds: float, still: float = SETTLED_SPEED) -> None:
+    def settle(self, seconds: float, still: float = SETTLED_SPEED, evenly: bool = False) -> None:
         """See Xpbd; with threads damped (zeta = 1/2 at the fastest swing), or what they store rings for seconds."""
         self.settling = True
         self.retardation[None] = self._tau()
-        super().settle(seconds, still)
+        super().settle(seconds, still, evenly)
         self.settling = False
         self.retardation[None] = self._tau()
 
@@ -171,10 +171,10 @@ class ExplicitEuler(Forced):
         )
         return (Suspect("exploding", words),)
 
-    def settle(self, seconds: float, still: float = SETTLED_SPEED) -> None:
+    def settle(self, seconds: float, still: float = SETTLED_SPEED, evenly: bool = False) -> None:
         """By the symplectic rule: at rest the two agree."""
         self.lagged[None] = 0.0
-        super().settle(seconds, still)
+        super().settle(seconds, still, evenly)
         self.lagged[None] = 1.0
 
     @ti.func

@@ -113,11 +113,15 @@ class Xpbd:
         """Settings known to fail, for the guard: none, for no step is too long to be stable."""
         return ()
 
-    def settle(self, seconds: float, still: float = SETTLED_SPEED) -> None:
-        """Hang under strong drag, water or not, for `seconds` or until at rest (`still`, rms); end without speed."""
+    def settle(self, seconds: float, still: float = SETTLED_SPEED, evenly: bool = False) -> None:
+        """Hang under strong drag, water or not, for `seconds` or until at rest (`still`, rms); end without speed.
+
+        evenly: drag in each substep, which comes to rest closer, but may leave a sheet hanging in its own dome.
+        """
+        even, brake = (SETTLE_DRAG, 0.0) if evenly else (self.params.drag, SETTLE_DRAG)
         rest = 0.5 * float(self.sheet.mass.sum()) * still**2
         for _ in range(math.ceil(seconds / SETTLE_STEP - 1e-9)):
-            self.advance(SETTLE_STEP, self.params.damping, self.params.drag, SETTLE_DRAG)
+            self.advance(SETTLE_STEP, self.params.damping, even, brake)
             if not self.kinetic_energy() >= rest:  # or no number any more, which is for others to tell
                 break
         self.v.fill(0.0)

@@ -25,7 +25,7 @@ def settled(world, seconds: float = SECONDS) -> tuple[np.ndarray, dict[str, floa
     world.state["cloth.x"].from_numpy(sheet.x)
     solver.simulated, solver.substeps = 0.0, 0
     began = time.perf_counter()
-    solver.settle(seconds, STILL)
+    solver.settle(seconds, STILL, evenly=True)
     took = time.perf_counter() - began
     x = world.state["cloth.x"].to_numpy().astype(np.float64).reshape(*sheet.shape, 3)
     if not (np.isfinite(x).all() and solver.max_strain() < BURST):
