@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
 
-from render.charts import STYLE, plt, save
-from sim.errors import RunError
+from render.charts import STYLE, plt, read_rows, save
 
 FAILS, HOLDS, WATER = "#b5532f", "#3b6ea5", "#7fb2d6"
 MEASURES = {
@@ -19,7 +17,7 @@ MEASURES = {
 
 def ablation_chart(csv_path: Path, places_path: Path, png_path: Path) -> None:
     """Where the water is, as the scene has it and all mended; and each cause mended, or left in, alone."""
-    rows, places = _read(csv_path), _read(places_path)
+    rows, places = (read_rows(path, "trials", ["run"]) for path in (csv_path, places_path))
     first = rows[0]
     column, bound, label = MEASURES.get(first["failure"], MEASURES["exploding"])
     with plt.rc_context(STYLE):
@@ -90,14 +88,3 @@ def _bars(axes, rows: list[dict[str, str]], column: str, bound: float, nothing: 
     axes.set_title(title)
     axes.grid(axis="y", visible=False)
     axes.set_xlim(0.0, max(axes.get_xlim()[1], 1.45 * max(values), 1.2 * bound))
-
-
-def _read(path: Path) -> list[dict[str, str]]:
-    try:
-        with open(path, newline="") as file:
-            rows = list(csv.DictReader(file))
-    except OSError as error:
-        raise RunError(f"{path}: cannot read: {error.strerror}") from error
-    if not rows or "run" not in rows[0]:
-        raise RunError(f"{path}: no trials to draw")
-    return rows

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 import matplotlib
@@ -35,15 +36,21 @@ STYLE = {
 }
 
 
-def read_table(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a CSV by the names in its header, f64; an empty cell (not modelled) is nan. RunError if unreadable."""
+def read_rows(path: Path, what: str = "rows", columns: Iterable[str] = ()) -> list[dict[str, str]]:
+    """Rows of a CSV that has these columns. RunError if it cannot be read, or there is no `what` to draw."""
     try:
         with open(path, newline="") as file:
             rows = list(csv.DictReader(file))
     except OSError as error:
         raise RunError(f"{path}: cannot read: {error.strerror}") from error
-    if not rows:
-        raise RunError(f"{path}: no rows to draw")
+    if not rows or not set(columns) <= set(rows[0]):
+        raise RunError(f"{path}: no {what} to draw")
+    return rows
+
+
+def read_table(path: Path) -> dict[str, np.ndarray]:
+    """Columns of a CSV by the names in its header, f64; an empty cell (not modelled) is nan. RunError if unreadable."""
+    rows = read_rows(path)
     try:
         return {name: np.array([float(r[name]) if r[name] else math.nan for r in rows]) for name in rows[0]}
     except (TypeError, ValueError) as error:

@@ -1,13 +1,11 @@
 """Where water gets through cloth: a panel for each contact and sheet, drawn from leaks.csv alone."""
 
-import csv
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 
-from render.charts import STYLE, plt, save
-from sim.errors import RunError
+from render.charts import STYLE, plt, read_rows, save
 
 HOLDS = "#3b6ea5"
 LEAKS = matplotlib.colormaps["YlOrRd"]
@@ -17,7 +15,7 @@ NAMES = {"plane_reflect": "plane_reflect, the report's"}
 
 def leak_chart(csv_path: Path, png_path: Path) -> None:
     """Speed across, step up; in each cell a mark a thickness, thinnest lowest: blue where nothing crossed."""
-    rows = _read(csv_path)
+    rows = read_rows(csv_path, "throws", ["leaks"])
     contacts = sorted({r["contact"] for r in rows}, key=lambda name: (name not in ORDER, name))
     cloths = list(dict.fromkeys(r["cloth"] for r in rows))
     with plt.rc_context(STYLE):
@@ -62,14 +60,3 @@ def _panel(axes, rows: list[dict[str, str]], contact: str, cloth: str) -> None:
     axes.set_title(f"{NAMES.get(contact, contact)}: {cloth} sheet", fontsize=10)
     axes.grid(visible=False)
     axes.set_ylim(-0.5, len(steps) - 0.5)
-
-
-def _read(path: Path) -> list[dict[str, str]]:
-    try:
-        with open(path, newline="") as file:
-            rows = list(csv.DictReader(file))
-    except OSError as error:
-        raise RunError(f"{path}: cannot read: {error.strerror}") from error
-    if not rows or "leaks" not in rows[0]:
-        raise RunError(f"{path}: no throws to draw")
-    return rows

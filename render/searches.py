@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from render.charts import STYLE, plt, save
-from sim.errors import RunError
+from render.charts import STYLE, plt, read_rows, save
 
 COLOURS = {"brute": "#999999", "grid": "#3b6ea5", "bvh": "#b5532f", "lbvh": "#2f8f83"}
 WORDS = {
@@ -28,7 +26,7 @@ ASKED = {
 
 def search_chart(csv_path: Path, png_path: Path) -> None:
     """Per scene: cost of a step over the patches at the most water, and over the water at the most patches."""
-    rows, fits = _read(csv_path), _read(csv_path.with_name(f"{csv_path.stem}-fits.csv"))
+    rows, fits = read_rows(csv_path), read_rows(csv_path.with_name(f"{csv_path.stem}-fits.csv"))
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     with plt.rc_context(STYLE):
         figure, grid = plt.subplots(
@@ -83,20 +81,9 @@ def _powers(fits: list[dict[str, str]], name: str) -> str:
     return ", ".join(parts)
 
 
-def _read(path: Path) -> list[dict[str, str]]:
-    try:
-        with open(path, newline="") as file:
-            rows = list(csv.DictReader(file))
-    except OSError as error:
-        raise RunError(f"{path}: cannot read: {error.strerror}") from error
-    if not rows:
-        raise RunError(f"{path}: no rows to draw")
-    return rows
-
-
 def accuracy_chart(csv_path: Path, png_path: Path) -> None:
     """Per scene: crossings missed, and boxes tried in vain, over the time of a step, by search and way to ask."""
-    rows = _read(csv_path)
+    rows = read_rows(csv_path)
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     measures = (("missed", 100.0, "crossings missed [%]"), ("false", 1.0, "false candidates a particle"))
     with plt.rc_context(STYLE):

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from render.charts import STYLE, plt, save
+from render.charts import STYLE, plt, read_rows, save
 from sim.errors import RunError
 
 COLOURS = ("#3b6ea5", "#b5532f", "#2f8f83", "#8a5aa0", "#c79a2b", "#5a5a5a")
 MARKERS = ("o", "s", "D", "^", "v", "P")
+COLUMNS = ("case", "method", "error", "bounds", "role", "front", "best", "failure")
+"""Without which a CSV is no chart's."""
 HELD, MISSED = "#2f8f83", "#c0392b"
 
 
 def study_chart(csv_path: Path, png_path: Path) -> None:
     """Error over seconds per simulated second of each swept case, and every bound. RunError if unreadable."""
-    rows = _rows(csv_path)
+    rows = read_rows(csv_path, "chart", COLUMNS)
     cases = list(dict.fromkeys(r["case"] for r in rows if "sweep" in r["role"]))
     checks = [(r, *pair) for r in rows if r["bounds"] for pair in _held(r)]
     if not cases and not checks:
@@ -40,17 +41,6 @@ def study_chart(csv_path: Path, png_path: Path) -> None:
         if versions > 1:
             figure.supxlabel(f"rows of {versions} versions: run the chart again for one", fontsize=8, color="#777777")
     save(figure, png_path)
-
-
-def _rows(path: Path) -> list[dict[str, str]]:
-    try:
-        with open(path, newline="") as file:
-            rows = list(csv.DictReader(file))
-    except OSError as error:
-        raise RunError(f"{path}: cannot read: {error.strerror}") from error
-    if not rows or not {"case", "method", "error", "bounds", "role", "front", "best", "failure"} <= set(rows[0]):
-        raise RunError(f"{path}: no chart to draw")
-    return rows
 
 
 def _number(row: dict[str, str], column: str) -> float:

@@ -38,7 +38,7 @@ def solver(section, gravity=(0.0, 0.0, -GRAVITY), substep=1e-4, damping=0.2, sol
     weights = sheet.inv_mass if inv_mass is None else inv_mass(sheet)
     for name, value in (("x", sheet.x), ("mass", sheet.mass), ("inv_mass", weights)):
         state[f"cloth.{name}"].from_numpy(value.astype(np.float32 if start.get("precision") == "f32" else np.float64))
-    config = SimpleNamespace(cloth=section, space=SimpleNamespace(gravity=gravity))
+    config = SimpleNamespace(cloth=section, space=SimpleNamespace(gravity=gravity), run=SimpleNamespace(dt_limits=True))
     scene = SimpleNamespace(sheet=sheet, solids=build_solids(solids or {}))
     build = Build(config, scene, state)
     made = Xpbd(build, Xpbd.Params(substep_max=substep, damping=damping))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sim.errors import DivergedError
+from sim.studies.probe import row
 from tests.spawned import open_world, spawn
 
 CUBE = """
@@ -57,18 +58,14 @@ high = [0.06, 0.12, 0.06]
 """
 
 
-def _row(world, name: str) -> np.ndarray:
-    return world.state[f"fluid.{name}"].to_numpy()[: world.state.count[None]].astype(float)
-
-
 def _moments(world) -> dict:
-    x, v = _row(world, "x"), _row(world, "v")
+    x, v = row(world, "x"), row(world, "v")
     return {"momentum": v.mean(0), "spin": np.cross(x - x.mean(0), v - v.mean(0)).mean(0), "speed": np.abs(v).mean()}
 
 
 def _roundness(world) -> float:
     """Farthest particle from the centre over the mean distance: 2.0 of a cube's lattice, 1.33 of a ball."""
-    away = _row(world, "x")
+    away = row(world, "x")
     away = np.linalg.norm(away - away.mean(0), axis=1)
     return float(away.max() / away.mean())
 
@@ -95,7 +92,7 @@ def _cube(path: str) -> dict:
 
 def _wave(path: str) -> dict:
     world = open_world(path)
-    x = _row(world, "x")
+    x = row(world, "x")
     field = world.state["fluid.v"]
     v = field.to_numpy()
     wave = np.sin(2.0 * np.pi * x[:, 1] / 0.12)
@@ -105,12 +102,12 @@ def _wave(path: str) -> dict:
     amplitudes = []
     for _ in range(8):
         world.advance()
-        x = _row(world, "x")
-        amplitudes.append(float(2.0 * (_row(world, "v")[:, 0] * np.sin(2.0 * np.pi * x[:, 1] / 0.12)).mean()))
+        x = row(world, "x")
+        amplitudes.append(float(2.0 * (row(world, "v")[:, 0] * np.sin(2.0 * np.pi * x[:, 1] / 0.12)).mean()))
     return {
         "amplitudes": amplitudes,
         "dt": world.clock.time / world.clock.step,
-        "drift": np.abs(_row(world, "v").mean(0)),
+        "drift": np.abs(row(world, "v").mean(0)),
     }
 
 

@@ -3,6 +3,15 @@
 import taichi as ti
 import taichi.math as tm
 
+from sim.model import Model, quantity
+
+
+class Damped(Model):
+    """What every solver reads of it."""
+
+    damping: float = quantity("0.2 1/s", ge=0, why="of velocity relative to the sheet's own rigid motion")
+    drag: float = quantity("0 1/s", ge=0, why="of all motion: damping alone lets a clipped sheet swing for ever")
+
 
 @ti.func
 def largest_speed(board: ti.template()):

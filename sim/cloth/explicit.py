@@ -1,14 +1,16 @@
 """Explicit solvers: every spring's force moves the sheet once a substep. Right in steps that are short enough."""
 
 import math
+from collections.abc import Callable
 
 import taichi as ti
 
 from sim.cloth.board import LANES
+from sim.cloth.damping import Damped
 from sim.cloth.forces import SpringForces
 from sim.cloth.spectrum import top_frequency
 from sim.cloth.xpbd import SETTLED_SPEED, Xpbd
-from sim.model import Model, quantity
+from sim.model import quantity
 from sim.registry import register
 from sim.stage import Build, Limit, Suspect
 
@@ -23,9 +25,12 @@ class Forced(Xpbd):
 
     Clips, guests, contact with solids, tethers, damping and settling as `xpbd` has them; the strain limit by one sweep
     a substep that only shortens (Provot 1995).
+    bound(tau, omega): of each, the longest stable substep of a sheet whose fastest swing is omega [rad/s]; 0 s where
+    none is.
     """
 
     elastic = 0.0
+    bound: Callable[[float, float], Limit]
 
     def __init__(self, build: Build, params):
         super().__init__(build, params)
@@ -59,11 +64,6 @@ class Forced(Xpbd):
     def _calmed(self) -> bool:
         """Whether it is settling, and in substeps of its own choice."""
         return self.settling and (self.obeys or not self.params.substep_max)
-
-    @staticmethod
-    def bound(tau: float, omega: float) -> Limit:
-        """The longest stable substep of a sheet whose fastest swing is omega [rad/s]; 0 s where none is."""
-        raise NotImplementedError
 
     def limit(self) -> Limit:
         """That of this sheet."""
@@ -104,12 +104,10 @@ class Forced(Xpbd):
             self.bending.add(self.pull, self.leading, 1.0)
 
 
-class ForcedParams(Model):
+class ForcedParams(Damped):
     """What both read."""
 
     substep_max: float | None = quantity(None, "time", gt=0, why="absent = as long as is stable")
-    damping: float = quantity("0.2 1/s", ge=0, why="of velocity relative to the sheet's own rigid motion")
-    drag: float = quantity("0 1/s", ge=0, why="of all motion: damping alone lets a clipped sheet swing for ever")
     retardation: float = quantity("0 s", "time", ge=0, why="of the threads: tension k (dl + tau dl/dt); 0 = none")
 
 

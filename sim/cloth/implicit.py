@@ -3,9 +3,10 @@
 import taichi as ti
 
 from sim.cloth.board import LANES
+from sim.cloth.damping import Damped
 from sim.cloth.forces import SpringForces
 from sim.cloth.xpbd import Xpbd
-from sim.model import Model, quantity
+from sim.model import quantity
 from sim.registry import register
 from sim.stage import Build
 
@@ -21,12 +22,10 @@ class ImplicitEuler(Xpbd):
     Clips, guests, contact, tethers and settling as `xpbd` has them; the strain limit by one sweep a substep.
     """
 
-    class Params(Model):
+    class Params(Damped):
         """[cloth.implicit_euler]"""
 
         substep_max: float = quantity("5 ms", "time", gt=0, why="longer ones damp the swing that is to be seen")
-        damping: float = quantity("0.2 1/s", ge=0, why="of velocity relative to the sheet's own rigid motion")
-        drag: float = quantity("0 1/s", ge=0, why="of all motion: damping alone lets a clipped sheet swing for ever")
         newton: int = quantity(1, ge=1, le=50, why="steps of Newton's method a substep; more where it turns far")
         tolerance: float = quantity("0.01 m/s^2", "acceleration", gt=0, why="rms that a solve leaves; gravity is 9.8")
         iterations_max: int = quantity(500, ge=1, why="of conjugate gradients; a sheet n nodes across needs some 3 n")

@@ -5,7 +5,7 @@ import taichi as ti
 from sim.cloth.elements import Elements
 from sim.cloth.patch_pairs import PatchPairs
 from sim.errors import CapacityError
-from sim.maths.ccd import spanned
+from sim.maths.ccd import EDGES, spanned
 
 ROOM = 48
 """Near pairs a node that there is space for: a node deep in a pile has some ten."""
@@ -65,10 +65,10 @@ class Near:
         most = reach + 2.0 * dt * ti.sqrt(fastest)
         low, high = a, a
         other_low, other_high = ti.min(c, d), ti.max(c, d)
-        if kind == 0:
-            other_low, other_high = ti.min(other_low, b), ti.max(other_high, b)
-        else:
+        if kind == EDGES:
             low, high = ti.min(a, b), ti.max(a, b)
+        else:
+            other_low, other_high = ti.min(other_low, b), ti.max(other_high, b)
         apart = ti.max(0.0, other_low - high, low - other_high)
         near = apart.norm_sqr() < most * most
         if near:

@@ -8,13 +8,13 @@ import taichi.math as tm
 from sim.bodies import Bodies
 from sim.cloth.board import LANES, Board
 from sim.cloth.contact import SolidContact
-from sim.cloth.damping import damp_relative, largest_speed
+from sim.cloth.damping import Damped, damp_relative, largest_speed
 from sim.cloth.isometric import Isometric
 from sim.cloth.measure import Measure
 from sim.cloth.spectrum import top_frequency
 from sim.cloth.strain_limit import Tethers
 from sim.cloth.sweep import CLEARING, Sweep
-from sim.model import Model, quantity
+from sim.model import quantity
 from sim.registry import register
 from sim.stage import Build, Stage, Suspect
 
@@ -40,14 +40,12 @@ class Xpbd:
     known. They see and move the sheet by the funcs below: position, start, velocity, weight, shift, push.
     """
 
-    class Params(Model):
+    class Params(Damped):
         """[cloth.xpbd]"""
 
         substep_max: float = quantity(
             "0.1 ms", "time", gt=0, why="dry cotton on 5 mm: 1.6 x too soft, at 0.05 ms 1.04 x"
         )
-        damping: float = quantity("0.2 1/s", ge=0, why="of velocity relative to the sheet's own rigid motion")
-        drag: float = quantity("0 1/s", ge=0, why="of all motion: damping alone lets a clipped sheet swing for ever")
 
     rows = ("cloth.x", "cloth.v", "cloth.mass", "cloth.inv_mass")
     scratch = ()
@@ -74,7 +72,7 @@ class Xpbd:
         self.whole_bend = 1.0 / bend if bend else math.inf
         self.bend_within = ti.field(self.board.real, ())
         self.bend_within[None] = self.whole_bend
-        self.obeys = getattr(getattr(build.config, "run", None), "dt_limits", True)
+        self.obeys = build.config.run.dt_limits
         self.measure = Measure(sheet, self.x, self.v, self.mass)
         self.clips_move = "clips" in build.parts
         self.guests = build.parts.setdefault("guests", [])

@@ -59,7 +59,7 @@ class ImplicitViscosity:
         self.crew = Crew()
         self.error_sq, self.iterations_max = params.error**2, params.iterations_max
         self.phase, self.taken = ti.field(ti.i32, ()), ti.field(ti.i32, ())
-        self.least, self.length, self.share = (ti.field(float, ()) for _ in range(3))
+        self.length, self.share = ti.field(float, ()), ti.field(float, ())
         self.steepness, self.scale = ti.field(ti.f64, ()), ti.field(ti.f64, ())
         self.inverse = ti.Matrix.field(3, 3, float, shape=capacity)
         self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-capacity // BLOCK), 1))
@@ -77,13 +77,7 @@ class ImplicitViscosity:
                 self.tie = ti.Vector.field(3, float, shape=neighbour.shape[0])
             except RuntimeError as error:
                 raise CapacityError(f"fluid: no memory for {neighbour.shape[0]} pairs; use a larger spacing") from error
-        self.least[None] = self.weight * dt
         self.crew.run(self, dt, neighbour, self.tie, self.pairs.gradient)
-
-    @property
-    def iterations(self) -> int:
-        """Taken in the last solve."""
-        return self.taken[None]
 
     @ti.func
     def begin(self):
@@ -103,7 +97,7 @@ class ImplicitViscosity:
             if phase == BIND:
                 self._bind(i, dt, neighbour, tie, gradient)
             elif phase == START:
-                total += self._start(i, neighbour, tie)
+                total += self._start(i, dt, neighbour, tie)
             elif phase == LOOK:
                 total[0] += self._look(i, neighbour, tie)
             elif phase == GO:
@@ -179,12 +173,12 @@ class ImplicitViscosity:
         self.u[i] = self.goal[i] + dt * self.change[i]
 
     @ti.func
-    def _start(self, i, neighbour: ti.template(), tie: ti.template()):
-        """left and the first way; m left . z (z = inverse left), m left^2, and m max(|v*|, least)^2."""
+    def _start(self, i, dt, neighbour: ti.template(), tie: ti.template()):
+        """left and the first way; m left . z (z = inverse left), m left^2, and m max(|v*|, dt g)^2."""
         left = self.goal[i] - self.u[i] - self._bent(i, self.u, neighbour, tie)
         z = self.inverse[i] @ left
         self.left[i], self.way[i] = left, z
-        least = self.least[None]
+        least = self.weight * dt
         return self.mass[i] * ti.Vector([left.dot(z), left.norm_sqr(), ti.max(self.goal[i].norm_sqr(), least * least)])
 
     @ti.func
