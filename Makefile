@@ -30,7 +30,8 @@ demo: .venv/.ready
 	@$(RUN) main.py run seep
 
 test: .venv/.ready
-	@$(RUN) -m pytest -q tests
+# Two files at a time, a thread each: nearly all tests run on one. More side by side would want memory.
+	@$(RUN) -m pytest -q -n 2 --dist loadfile tests
 
 # The rivals have a Python of their own: SEEP_PEERS names one that has them, else .venv-peers is made. Without them the
 # bench still times this program.

@@ -16,7 +16,7 @@ def pile(frames=18):
     """(crossings at each frame, largest strain, kept hash, hash after going back, counts) of a coarse pile."""
     from sim.studies.crossings import crossings
 
-    world = open_world("pile", *PILE, quick=True)
+    world = open_world("pile", *PILE, quick=True, threads=2)
     triangles = np.asarray(world.scene.sheet.triangles)
     found, strain = [], 0.0
     for frame in range(1, frames + 1):
@@ -33,7 +33,7 @@ def pile(frames=18):
 
 def pile_on_one_thread():
     """Its hash at frame 11."""
-    return _hash_at(open_world("pile", *PILE, quick=True, threads=1), 11)
+    return _hash_at(open_world("pile", *PILE, quick=True), 11)
 
 
 def clap(method, frames):

@@ -14,8 +14,8 @@ def spawn(function: Callable, *args: Any, **kwargs: Any) -> Any:
         return pool.apply_async(function, args, kwargs).get(LIMIT)
 
 
-def open_world(scene: str, *overrides: str, quick: bool = False, threads: int = 2, precision: str = "f32"):
-    """A World at t = 0 in this process, which must be a fresh one."""
+def open_world(scene: str, *overrides: str, quick: bool = False, threads: int = 1, precision: str = "f32"):
+    """A World at t = 0 in this process, which must be a fresh one. One thread: two tests run side by side."""
     from sim import registry, runtime
     from sim.config import load
     from sim.world import World
