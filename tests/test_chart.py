@@ -151,6 +151,9 @@ def test_the_study_of_cloth_is_whole():
 
 
 def test_a_wrong_study_is_one_line(tmp_path, monkeypatch):
+    for topic in ("nosuch", "ablate", "a/b.toml"):
+        with pytest.raises(ConfigError, match=f"^{topic}: no such chart; there are cloth, meeting, water$"):
+            study.load(topic)
     (tmp_path / "studies").mkdir()
     (tmp_path / "studies" / "water.toml").write_text("[sweep.dam_brake]\n")
     monkeypatch.setattr("sim.config.CONFIGS", tmp_path)

@@ -52,6 +52,8 @@ class Study(Model):
 
 def load(topic: str, quick: bool = False) -> Study:
     """The study file, with [quick] laid over it where asked. ConfigError: one line that names file, key and value."""
+    if topic not in (topics := [name for name in config.names("studies") if cases(name)]):
+        raise ConfigError(f"{topic}: no such chart; there are {', '.join(topics)}")
     path = config.find("studies", topic)
     label = f"configs/studies/{path.name}"
     table = toml.read(path, label)
@@ -77,7 +79,8 @@ def load(topic: str, quick: bool = False) -> Study:
 def cases(topic: str) -> dict[str, Case]:
     """The CASE of every module in sim/studies/<topic>/, by name."""
     folder = f"sim.studies.{topic}"
-    if not importlib.util.find_spec(folder):
+    found = topic.isidentifier() and importlib.util.find_spec(folder)
+    if not found or not found.submodule_search_locations:  # none, or a module and no folder
         return {}
     package = importlib.import_module(folder)
     modules = [importlib.import_module(m.name) for m in pkgutil.iter_modules(package.__path__, folder + ".")]
