@@ -91,7 +91,8 @@ def test_an_explicit_solver_stands_under_its_limit_and_falls_beyond(name, explic
     assert found["edge"] == pytest.approx(1.0, abs=0.1)
     ratios = np.array(found["errors"][:-1]) / found["errors"][1:]
     assert np.all((1.8 < ratios) & (ratios < 2.2))  # order 1
-    assert found["drift"][0] < 1e-11 and found["drift"][1] < (1e-8 if name == "symplectic_euler" else 1e-2)
+    assert found["drift"][0] < 1e-11 and found["drift"][1] < 1e-6  # damped bending holds back turning a little
+    assert found["strain"] < 0.105
     assert f"cloth.{name}.substep_max" in found["words"][0] and "1.1 x" in found["words"][0]
     if name == "explicit_euler":
         assert not any(energy < 2.0 for energy in found["undamped"])
@@ -105,6 +106,7 @@ def test_the_others_hold_at_a_hundred_times_that(name):
     ratios = np.array(found["errors"][:-1]) / found["errors"][1:]
     assert np.all((1.8 < ratios) & (ratios < 2.2))
     assert found["drift"][0] < 1e-11 and found["drift"][1] < 0.02
+    assert found["strain"] < 0.105
 
 
 def test_threads_change_nothing(explicit):
