@@ -192,6 +192,12 @@ class Drain(Model):
     _order = model_validator(mode="after")(_low_below_high)
 
 
+def _colour(value: str | None) -> str | None:
+    if value is not None and not re.fullmatch(r"#[0-9a-fA-F]{6}", value):
+        raise fault('needs a colour such as "#d9673b"')
+    return value
+
+
 class Fabric(Model):
     """[cloth.fabric]: from a card in configs/fabrics, or whole in the scene."""
 
@@ -209,6 +215,9 @@ class Fabric(Model):
     capillary_form: Literal["tube", "bed_across", "bed_along"] = option("tube", why="the laws differ threefold")
     capillary_pressure: float | None = quantity(None, "pressure", why="absent = by the form, from the liquid")
     break_through: float | None = quantity(None, "pressure", ge=0, why="absent = by contact angle and pore")
+    colour: str = option("#d9673b", why="sRGB, dry; of pictures, where the scene names none")
+
+    _hex = field_validator("colour")(_colour)
 
     def capillary(self, surface_tension: float) -> float:
         """Suction of the dry cloth by its form [Pa]; surface_tension gamma [N/m].
@@ -356,20 +365,15 @@ class Render(Model):
     fps: int | None = quantity(None, ge=1, le=1000, why="of the film; run.fps if absent, less shows it slower")
     camera: Camera = Field(default_factory=Camera)
     light: Light = Field(default_factory=Light)
-    cloth_colour: str = option("#d9673b", why="sRGB, dry")
+    cloth_colour: str | None = option(None, why="sRGB, dry; absent = the fabric's")
+
+    _hex = field_validator("cloth_colour")(_colour)
 
     @field_validator("size")
     @classmethod
     def _even(cls, value: tuple[int, int]) -> tuple[int, int]:
         if value[0] % 2 or value[1] % 2:
             raise fault("needs two even numbers")
-        return value
-
-    @field_validator("cloth_colour")
-    @classmethod
-    def _hex(cls, value: str) -> str:
-        if not re.fullmatch(r"#[0-9a-fA-F]{6}", value):
-            raise fault('needs a colour such as "#d9673b"')
         return value
 
 

@@ -171,7 +171,7 @@ class World:
         return Static(
             spacing=np.float32(config.fluid.spacing if config.fluid else 0.0),
             ground_z=np.float32(solids.ground_z),
-            cloth_colour=linear_rgb(config.render.cloth_colour),
+            cloth_colour=linear_rgb(config.render.cloth_colour or (config.cloth.fabric.colour if sheet else "#ffffff")),
             solid_x=solids.corners(0.0).astype(np.float32) if len(solids.triangles) else None,
             solid_triangles=solids.triangles if len(solids.triangles) else None,
             solid_opaque=np.int32(solids.opaque),

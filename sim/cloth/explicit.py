@@ -17,8 +17,8 @@ from sim.stage import Build, Limit, Suspect
 MARGIN = 0.9
 """[1] Of the limit that is taken where a scene leaves the substep open: springs that turn and stretch vary theirs."""
 LIMITED = 0.5
-"""[1] Of explicit Euler's limit, where a strain limit is on: what that adds to velocities shows a substep late, and threads
-damp it late once more. Measured on a sheet at 30 g: 0.5 holds, 0.7 does not."""
+"""[1] Of explicit Euler's limit, where a strain limit is on: what that adds to velocities shows a substep late, and the
+threads' damping answers it late once more. Measured on a sheet at 30 g: 0.5 holds, 0.7 does not."""
 OVERSTEP = 1.01
 """[1] times the limit. It is the very edge, not a rule of thumb."""
 
