@@ -258,8 +258,9 @@ def gallery(
 
     path, cards, pictures = out or OUTPUTS / "gallery" / "fabrics.png", drapes.cards(), []
     with _progress("gallery", len(cards)) as reach:
-        for name, words in cards:
-            pictures.append((words, drapes.hang(name, _portrait)))
+        for name, card in cards:
+            picture, coefficient = drapes.hang(name, _portrait)
+            pictures.append((drapes.words(name, card, coefficient), picture))
             reach(len(pictures))
     path.parent.mkdir(parents=True, exist_ok=True)
     side_by_side(pictures, path)
@@ -269,7 +270,7 @@ def gallery(
 def _portrait(frame, static):
     from render.draw import Look, draw
 
-    return draw(frame, Look(size=(640, 600), eye=(0.55, -0.62, 0.52), target=(0.0, 0.0, 0.19)), static)
+    return draw(frame, Look(size=(640, 600), eye=(0.46, -0.52, 0.50), target=(0.0, 0.0, 0.22)), static)
 
 
 @app.command()

@@ -95,7 +95,8 @@ class Forced(Xpbd):
     @ti.func
     def _sum_forces(self):
         """pull = force of springs and bending at the substep's start."""
-        self._clear()
+        for i in range(self.board.ni):
+            self._clear(i)
         retardation = self.retardation[None]
         self.forces.add(self.pull, self.board.start, retardation)
         if ti.static(self.bending.present):
@@ -131,7 +132,8 @@ class SymplecticEuler(Forced):
     @ti.func
     def _resist(self, h):
         self._sum_forces()
-        self._kick(h * h)
+        for i in range(self.board.ni):
+            self._kick(i, i, h * h)
 
 
 @register("cloth.solver", "explicit_euler")
@@ -187,7 +189,8 @@ class ExplicitEuler(Forced):
     def _resist(self, h):
         """The place keeps what the old velocity gives it; what forces add shows in start, from which v is read."""
         self._sum_forces()
-        self._kick(h * h)
+        for i in range(self.board.ni):
+            self._kick(i, i, h * h)
         for block in range(self.board.half // LANES):
             at = block * LANES
             for d in ti.static(range(3)):

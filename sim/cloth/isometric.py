@@ -8,6 +8,9 @@ import taichi as ti
 from sim.cloth.board import LANES, Board
 from sim.scene.cloth import Sheet
 
+RING = 4
+"""Rows of forces that `Isometric.add_row` has under way, at least; a power of two."""
+
 
 class Stencil(NamedTuple):
     """Nodes (i, j) + places[k] with factors[k], for every i, j that stays on the sheet; weight row[i] * column[j]."""
@@ -45,14 +48,14 @@ class Isometric:
         self.count = len(found)
         if not self.present:
             return
-        self.place, self.factor = ti.field(ti.i32, (self.count, 4)), ti.field(board.real, (self.count, 4))
+        self.place, self.factor = ti.field(ti.i32, (self.count, 4, 2)), ti.field(board.real, (self.count, 4))
         self.rows, self.blocks = ti.field(ti.i32, self.count), ti.field(ti.i32, self.count)
         self.row = ti.field(board.real, (self.count, board.ni))
         self.column = ti.field(board.real, self.count * board.pitch)
         row, column = np.zeros((self.count, board.ni)), np.zeros((self.count, board.pitch))
         for n, s in enumerate(found):
             for k in range(4):
-                self.place[n, k] = s.places[k][0] * board.pitch + s.places[k][1]
+                self.place[n, k, 0], self.place[n, k, 1] = s.places[k]
                 self.factor[n, k] = s.factors[k]
             self.rows[n], self.blocks[n] = len(s.row), -(-len(s.column) // LANES)
             row[n, : len(s.row)] = sheet.bending / sheet.spacing**2 * s.row
@@ -64,23 +67,31 @@ class Isometric:
     def add(self, force: ti.template(), x: ti.template(), scale):
         """force += -scale Q x; every argument three fields of the board."""
         if ti.static(self.present):
-            for i, n in ti.ndrange(self.board.ni, self.count):
-                if i < self.rows[n]:
-                    for block in range(self.blocks[n]):
-                        column = block * LANES
-                        k = scale * self.row[n, i] * self.board.get(self.column, n * self.pitch + column)
-                        at = i * self.pitch + column
-                        for d in ti.static(range(3)):
-                            self._add(force[d], x[d], n, at, k)
+            for i in range(self.board.ni):
+                self.add_row(force, x, scale, i, -1)
 
     @ti.func
-    def _add(self, force: ti.template(), x: ti.template(), n, at, k):
-        p, q = at + self.place[n, 0], at + self.place[n, 1]
-        r, s = at + self.place[n, 2], at + self.place[n, 3]
-        fp, fq, fr, fs = self.factor[n, 0], self.factor[n, 1], self.factor[n, 2], self.factor[n, 3]
+    def add_row(self, force: ti.template(), x: ti.template(), scale, i, mask):
+        """The share of differences that begin in row i; none of them reaches beyond row i + 2.
+
+        Row r of `force` stands at r & mask: -1 for a field of all rows, RING - 1 for one of the RING latest.
+        """
+        for n in range(self.count):
+            if i < self.rows[n]:
+                for block in range(self.blocks[n]):
+                    column = block * LANES
+                    k = scale * self.row[n, i] * self.board.get(self.column, n * self.pitch + column)
+                    for d in ti.static(range(3)):
+                        self._add(force[d], x[d], n, i, column, k, mask)
+
+    @ti.func
+    def _add(self, force: ti.template(), x: ti.template(), n, i, column, k, mask):
         get, put = ti.static(self.board.get, self.board.put)
-        c = k * (fp * get(x, p) + fq * get(x, q) + fr * get(x, r) + fs * get(x, s))
-        put(force, p, get(force, p) - fp * c)
-        put(force, q, get(force, q) - fq * c)
-        put(force, r, get(force, r) - fr * c)
-        put(force, s, get(force, s) - fs * c)
+        c = 0.0 * k
+        for e in ti.static(range(4)):
+            at = (i + self.place[n, e, 0]) * self.pitch + column + self.place[n, e, 1]
+            c += self.factor[n, e] * get(x, at)
+        c *= k
+        for e in ti.static(range(4)):
+            at = ((i + self.place[n, e, 0]) & mask) * self.pitch + column + self.place[n, e, 1]
+            put(force, at, get(force, at) - self.factor[n, e] * c)

@@ -9,7 +9,7 @@ from sim.bodies import Bodies
 from sim.cloth.board import LANES, Board
 from sim.cloth.contact import SolidContact
 from sim.cloth.damping import Damped, damp_relative, largest_speed
-from sim.cloth.isometric import Isometric
+from sim.cloth.isometric import RING, Isometric
 from sim.cloth.measure import Measure
 from sim.cloth.spectrum import top_frequency
 from sim.cloth.strain_limit import Tethers
@@ -172,10 +172,7 @@ class Xpbd:
             for step in range(count + CLEARING):  # one sweep in the code, for it is dear to compile
                 elastic = self.elastic if step < count else 0.0
                 if step < count:
-                    self._predict(h, gravity)
-                    for guest in ti.static(self.guests):
-                        guest.predict(h)
-                    self._resist(h)
+                    self._set_out(h, gravity)
                 if ti.static(self.sweeps):
                     if step < count or self.sweep.wanted(step - count):
                         self.sweep.run(h, elastic)
@@ -207,9 +204,28 @@ class Xpbd:
         self.contact.mark(low - reach, high + reach, dt)
 
     @ti.func
-    def _predict(self, h, gravity):
-        for block in range(self.board.half // LANES):
-            at = block * LANES
+    def _set_out(self, h, gravity):
+        """Prediction, guests, bending; row by row where no guest stands between, so that a row is fetched once."""
+        if ti.static(len(self.guests) == 0 and self.elastic > 0.0 and self.bending.present):
+            within = self._bent(h)
+            for front in range(self.board.ni + 2):
+                if front < self.board.ni:
+                    self._predict(front, h, gravity)
+                    self._clear(front & (RING - 1))
+                if front >= 2:
+                    self.bending.add_row(self.pull, self.board.x, within, front - 2, RING - 1)
+                    self._kick(front - 2, (front - 2) & (RING - 1), h * h)
+        else:
+            for i in range(self.board.ni):
+                self._predict(i, h, gravity)
+            for guest in ti.static(self.guests):
+                guest.predict(h)
+            self._resist(h)
+
+    @ti.func
+    def _predict(self, i, h, gravity):
+        for block in range(self.board.pitch // LANES):
+            at = i * self.board.pitch + block * LANES
             free = ti.select(self.board.get(self.board.w, at) > 0.0, h * h, 0.0)
             for d in ti.static(range(3)):
                 x, v = self.board.get(self.board.x[d], at), self.board.get(self.board.v[d], at)
@@ -220,24 +236,31 @@ class Xpbd:
     def _resist(self, h):
         """Isometric bending as a force at the predicted places, no stiffer than a substep of h can carry."""
         if ti.static(self.bending.present):
-            self._clear()
-            self.bending.add(self.pull, self.board.x, ti.min(1.0, (self.bend_within[None] / h) ** 2))
-            self._kick(h * h)
+            for i in range(self.board.ni):
+                self._clear(i)
+            self.bending.add(self.pull, self.board.x, self._bent(h))
+            for i in range(self.board.ni):
+                self._kick(i, i, h * h)
 
     @ti.func
-    def _clear(self):
-        for at in range(self.board.half):
+    def _bent(self, h):
+        """Share of bending that a substep of h can carry."""
+        return ti.min(1.0, (self.bend_within[None] / h) ** 2)
+
+    @ti.func
+    def _clear(self, row):
+        for k in range(self.board.pitch):
             for d in ti.static(range(3)):
-                self.pull[d][at] = 0.0
+                self.pull[d][row * self.board.pitch + k] = 0.0
 
     @ti.func
-    def _kick(self, h_sq):
-        """x += h^2 w pull."""
-        for block in range(self.board.half // LANES):
-            at = block * LANES
+    def _kick(self, i, row, h_sq):
+        """x += h^2 w pull, of nodes i; what pulls them stands in `row`."""
+        for block in range(self.board.pitch // LANES):
+            at, pulled = i * self.board.pitch + block * LANES, row * self.board.pitch + block * LANES
             w = h_sq * self.board.get(self.board.w, at)
             for d in ti.static(range(3)):
-                x, f = self.board.get(self.board.x[d], at), self.board.get(self.pull[d], at)
+                x, f = self.board.get(self.board.x[d], at), self.board.get(self.pull[d], pulled)
                 self.board.put(self.board.x[d], at, x + w * f)
 
     @ti.func
