@@ -10,8 +10,14 @@ def crossings(x: np.ndarray, triangles: np.ndarray) -> int:
     """How many edges pierce a triangle that shares no node with them. x (n, 3) [m], triangles (t, 3)."""
     x, t = np.asarray(x, np.float64), np.asarray(triangles)
     edges = np.unique(np.sort(np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]]), 1), axis=0)
+    edges = edges[np.argsort(x[edges, 0].min(1), kind="stable")]
     low, high = x[t].min(1), x[t].max(1)
-    return sum(_pierced(x, edges[s : s + CHUNK], t, low, high) for s in range(0, len(edges), CHUNK))
+    found = 0
+    for first in range(0, len(edges), CHUNK):  # a slab of them, and the triangles that reach into it
+        slab = edges[first : first + CHUNK]
+        near = (high[:, 0] >= x[slab, 0].min()) & (low[:, 0] <= x[slab, 0].max())
+        found += _pierced(x, slab, t[near], low[near], high[near])
+    return found
 
 
 def _pierced(x: np.ndarray, edges: np.ndarray, t: np.ndarray, low: np.ndarray, high: np.ndarray) -> int:
