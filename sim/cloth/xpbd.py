@@ -172,7 +172,7 @@ class Xpbd:
             for step in range(count + CLEARING):  # one sweep in the code, for it is dear to compile
                 elastic = self.elastic if step < count else 0.0
                 if step < count:
-                    self._set_out(h, gravity)
+                    self._set_out(h, gravity, left, step)
                 if ti.static(self.sweeps):
                     if step < count or self.sweep.wanted(step - count):
                         self.sweep.run(h, elastic)
@@ -181,7 +181,8 @@ class Xpbd:
                     self.contact.project(h, (step + 1) * h)
                     for guest in ti.static(self.guests):
                         guest.project(h)
-                    self._finish(h, left)
+                    if not ti.static(self._alone()) or step == count - 1:
+                        self._finish(h, left)
                     for guest in ti.static(self.guests):
                         guest.finish(h)
             if kept < 1.0:
@@ -203,13 +204,19 @@ class Xpbd:
         reach = 2.0 * dt * (largest_speed(self.board) + dt * gravity.norm()) + self.sheet.spacing
         self.contact.mark(low - reach, high + reach, dt)
 
+    def _alone(self) -> bool:
+        """Whether nobody looks on between two substeps, so that a row may go into the next while it is in the cache."""
+        return not self.guests and self.elastic > 0.0 and self.bending.present
+
     @ti.func
-    def _set_out(self, h, gravity):
-        """Prediction, guests, bending; row by row where no guest stands between, so that a row is fetched once."""
-        if ti.static(len(self.guests) == 0 and self.elastic > 0.0 and self.bending.present):
+    def _set_out(self, h, gravity, left, step):
+        """Prediction, guests, bending. Alone, row by row, and velocities from the substep before on the way."""
+        if ti.static(self._alone()):
             within = self._bent(h)
             for front in range(self.board.ni + 2):
                 if front < self.board.ni:
+                    if step > 0:
+                        self._slow(front, h, left)
                     self._predict(front, h, gravity)
                     self._clear(front & (RING - 1))
                 if front >= 2:
@@ -265,8 +272,14 @@ class Xpbd:
 
     @ti.func
     def _finish(self, h, left):
-        for block in range(self.board.half // LANES):
-            at = block * LANES
+        for i in range(self.board.ni):
+            self._slow(i, h, left)
+
+    @ti.func
+    def _slow(self, i, h, left):
+        """v of the nodes i after a substep."""
+        for block in range(self.board.pitch // LANES):
+            at = i * self.board.pitch + block * LANES
             for d in ti.static(range(3)):
                 x, start = self.board.get(self.board.x[d], at), self.board.get(self.board.start[d], at)
                 self.board.put(self.board.v[d], at, left * ((x - start) / h))
