@@ -147,7 +147,7 @@ def test_the_study_of_cloth_is_whole():
     assert any("cloth.xpbd.substep_max=10 ms" in texts for texts in swept)
     assert all(job.config().cloth and not job.config().run.dt_limits for job in jobs if job.swept and not job.checked)
     flexion = [job for job in jobs if job.case.name == "cantilever_flexion"]
-    assert flexion and not any(job.bounds for job in flexion)
+    assert flexion and all(job.bounds == {"pretence": 1.0} for job in flexion)  # must fail, and say so
 
 
 def test_a_wrong_study_is_one_line(tmp_path, monkeypatch):

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from spawned import spawn
 
+from sim.studies import drapes
+
 
 @pytest.fixture(scope="module")
 def sheet():
@@ -109,3 +111,11 @@ def test_threads_do_not_change_a_bit():
     two, *_ = spawn(scenes.hung, threads=2)
     assert np.array_equal(one, two)
     assert energy < 1e-6 and strain < 0.05
+
+
+def test_a_drape_coefficient_is_by_the_shadow():
+    """A flat square's is 1; folded double, (1/2 - s)/(1 - s) with the support's share s."""
+    x, triangles = np.array([(0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0), (0, 0.1, 0)], np.float32), [[0, 1, 2], [0, 2, 3]]
+    assert drapes.coefficient(x, np.array(triangles), 0.01, 0.002) == pytest.approx(1.0, abs=0.03)
+    x[:, 0] *= 0.5
+    assert drapes.coefficient(x, np.array(triangles), 0.01, 0.002) == pytest.approx(0.375, abs=0.03)

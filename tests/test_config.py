@@ -69,6 +69,15 @@ def test_every_fabric_card_follows_from_its_fibres(name):
     assert card.threshold(0.072) == 0.0
 
 
+def test_fabrics_bend_as_fabrics_do():
+    """Bending lengths (B/(rho_A g))^(1/3) of 618 measured ones: 9 to 32 mm, percentiles 1 to 99 (Feng et al. 2022)."""
+    cards = {name: config.card("fabrics", name, Fabric) for name in FABRICS}
+    length = {name: (card.bending / (card.area_density * 9.81)) ** (1 / 3) for name, card in cards.items()}
+    assert all(0.0087 < bent < 0.0325 for bent in length.values())
+    assert sorted(length, key=length.get) == ["silk", "terry", "cotton", "nylon", "denim"]
+    assert all(6e-7 < card.bending < 1.4e-4 and 0.02 < card.area_density < 0.7 for card in cards.values())
+
+
 @pytest.mark.parametrize("name", LIQUIDS)
 def test_every_liquid_card_reads(name):
     card = config.card("liquids", name, Liquid)
