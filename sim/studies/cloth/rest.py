@@ -1,6 +1,7 @@
 """What the cases of cloth share: a sheet brought to rest, timed; loads along its edges."""
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 import taichi as ti
@@ -14,6 +15,17 @@ STILL = 1e-6
 BURST = 100.0
 """[1] Strain that no sheet at rest comes near, not even one that a solver leaves a thousand times too soft."""
 
+ROUNDS, ENOUGH = 5, 0.5
+"""How often a run is timed, and after how many seconds no more [s]: what is over in milliseconds is timed by chance."""
+
+
+def least(run: Callable[[], float]) -> float:
+    """What `run` says that it took, at best."""
+    took: list[float] = []
+    while len(took) < ROUNDS and sum(took) < ENOUGH:
+        took.append(run())
+    return min(took)
+
 
 def settled(world, seconds: float = SECONDS) -> tuple[np.ndarray, dict[str, float]]:
     """Places (ni, nj, 3) of the sheet brought to rest from where it begins [m]; what that cost, as a chart has it.
@@ -22,11 +34,15 @@ def settled(world, seconds: float = SECONDS) -> tuple[np.ndarray, dict[str, floa
     """
     solver, sheet = world.build.parts["cloth"], world.scene.sheet
     solver.settle(1e-3)  # warm: nothing is compiled after this
-    world.state["cloth.x"].from_numpy(sheet.x)
-    solver.simulated, solver.substeps = 0.0, 0
-    began = time.perf_counter()
-    solver.settle(seconds, STILL, evenly=True)
-    took = time.perf_counter() - began
+
+    def run() -> float:
+        world.state["cloth.x"].from_numpy(sheet.x)
+        solver.simulated, solver.substeps = 0.0, 0
+        began = time.perf_counter()
+        solver.settle(seconds, STILL, evenly=True)
+        return time.perf_counter() - began
+
+    took = least(run)
     x = world.state["cloth.x"].to_numpy().astype(np.float64).reshape(*sheet.shape, 3)
     if not (np.isfinite(x).all() and solver.max_strain() < BURST):
         causes = "; ".join(suspect.words for suspect in solver.suspects())
