@@ -18,6 +18,8 @@ IMPLODING = 1.5
 """[1] times the rest density, mean over the water: no splash compresses all of it by half."""
 CLUMPED = (2.0, 0.25)
 """[1] times the rest density, passed by this share of the water. Good scenes reach 1.3 in single particles."""
+STANDING = 0.5
+"""[1] Share of a frame in which water and cloth stood still: more is no pinch that passes."""
 TOLD = 3
 """Causes that a line names; of further ones, their number."""
 
@@ -79,6 +81,16 @@ def check_leaks(leaks: int, time: float) -> None:
     if leaks:
         raise DivergedError(
             f"leaking at t = {time:.4g} s: {leaks} particles crossed the cloth; lower run.dt_max or fluid.dfsph.cfl"
+        )
+
+
+def check_standing(share: float, time: float, config) -> None:
+    """share: of the last frame, in steps that the last step took back whole; raises DivergedError."""
+    if share > STANDING:
+        remedy = "lower run.dt_max" if config.cloth.self_contact else 'set cloth.self_contact = "robust"'
+        raise DivergedError(
+            f"standing still at t = {time:.4g} s: water is pinched between layers of cloth, and {100 * share:.0f} % of "
+            f"the frame's time was taken back, more than {100 * STANDING:g} %; {remedy}"
         )
 
 

@@ -49,7 +49,10 @@ class Suspect(NamedTuple):
 
 @dataclass(frozen=True)
 class Stage:
-    """One verb of the step. `reads` and `writes` are public row names; a contract test holds them true."""
+    """One verb of the step. `reads` and `writes` are public row names; a contract test holds them true.
+
+    forget(dt): one that counts time takes dt off again; contact took the step back, and it is gone in halves.
+    """
 
     name: str
     slot: str
@@ -57,6 +60,7 @@ class Stage:
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
     limit: Callable[[], Limit] | None = None
+    forget: Callable[[float], None] | None = None
 
 
 @dataclass

@@ -46,7 +46,7 @@ class World:
         self.seconds = defaultdict(float)
         self.iterations = 0
         self.first = {"first_contact": None, "first_drop": None}
-        self.steps_in_frame = 0
+        self.steps_in_frame, self.stood = 0, 0.0
         self._fill()
 
     def _classes(self) -> list[type]:
@@ -125,22 +125,43 @@ class World:
         """One time step; True when it ended a frame, which the guard has then looked at."""
         if self.clock.elapsed == 0.0:
             self.steps_in_frame = 0
-        dt = self.clock.next_step(self.stages)
-        self._step(dt)
-        ended = self.clock.advance(dt)
-        self.steps_in_frame += 1
+            self.stood = 0.0
+        ended = self.go(self.clock.next_step(self.stages))
         self._note_firsts()
         if ended:
             self._check()
         return ended
 
-    def _step(self, dt: float) -> None:
+    def go(self, dt: float) -> bool:
+        """dt forward, past the limits and the guard; True if it ended a frame. A step that contact took back is gone
+        anew in halves, unless it is a short one: then time goes on without it."""
+        if not self._run_stages(dt):
+            if dt > self.build.parts["contact"].short:
+                self._forget(dt)
+                self.go(0.5 * dt)
+                return self.go(0.5 * dt)
+            self.stood += dt
+        self.steps_in_frame += 1
+        return self.clock.advance(dt)
+
+    def _run_stages(self, dt: float) -> bool:
+        """Every stage in order, up to the one that took the step back if one does (False)."""
+        contact = self.build.parts.get("contact")
         for stage in self.stages:
             began = time.perf_counter()
             stage.run(dt)
             self.seconds[stage.name] += time.perf_counter() - began
+            if stage.slot == "catch" and contact.took_back:
+                return False
         if "pressure" in self.build.parts:
             self.iterations += sum(getattr(self.build.parts["pressure"], "iterations", {}).values())
+        return True
+
+    def _forget(self, dt: float) -> None:
+        """Stages that count time count that of a step taken back no more."""
+        for stage in self.stages:
+            if stage.forget:
+                stage.forget(dt)
 
     def _note_firsts(self) -> None:
         parts = self.build.parts
@@ -163,6 +184,7 @@ class World:
             guard.check_things("cloth node", x, v, np.arange(len(x)), now, config, self.build.parts["cloth"].suspects())
         if config.coupling and self.build.parts["contact"].tight:
             guard.check_leaks(self.build.parts["contact"].counts()["leaks"], now)
+            guard.check_standing(self.stood * config.run.fps, now, config)
 
     @property
     def static(self) -> Static:
@@ -284,6 +306,7 @@ class World:
             "steps": self.clock.step,
             "iterations": self.iterations,
             **self.first,
+            **(self.build.parts["contact"].counts() if self.config.coupling else {}),
         }
 
 

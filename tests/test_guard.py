@@ -73,6 +73,13 @@ def test_imploding_is_mean_density_or_a_quarter_of_the_water_in_clumps():
         guard.check_density(np.array([900.0] * 5 + [2100.0] * 3), x, ids, 1.0, SCENE)
 
 
+def test_standing_still():
+    scene = SimpleNamespace(cloth=SimpleNamespace(self_contact=None))
+    guard.check_standing(0.9 * guard.STANDING, 0.5, scene)
+    with pytest.raises(DivergedError, match='standing still at t = 0.5 s: .* 80 % .*set cloth.self_contact = "robust"'):
+        guard.check_standing(0.8, 0.5, scene)
+
+
 def test_leaking():
     guard.check_leaks(0, 1.0)
     with pytest.raises(DivergedError, match="leaking at t = 1 s: 2 particles"):

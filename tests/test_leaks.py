@@ -8,7 +8,7 @@ from tests.spawned import open_world, spawn
 COARSE = ("fluid.spacing=6 mm", "cloth.spacing=1 cm")
 
 
-def _throws(contact: str, thickness: float, throws: tuple, last=None) -> list[dict]:
+def _throws(contact: str, thickness: float, throws: tuple, *last) -> list[dict]:
     """One World, thrown at for each (cloth, speed, dt); `below`: water under all of the sheet, clear of its hems."""
     from sim.studies import leaks
 
@@ -21,12 +21,13 @@ def _throws(contact: str, thickness: float, throws: tuple, last=None) -> list[di
         water = world.state["fluid.x"].to_numpy()[: int(world.state.count[None])]
         sheet = world.state["cloth.x"].to_numpy()
         over = (np.abs(water[:, :2]) < 0.03).all(1)
-        rows.append(
-            found | {"cloth": cloth, "speed": speed, "below": int((over & (water[:, 2] < sheet[:, 2].min())).sum())}
-        )
-    if last:
+        below = int((over & (water[:, 2] < sheet[:, 2].min())).sum())
+        counted = 1e-15 * int(world.state["scene.population.time"][0])
+        told = {"cloth": cloth, "speed": speed, "dt": dt, "below": below, "counted": counted, "stood": world.stood}
+        rows.append(found | told)
+    for act in last:
         world.load(start)
-        rows.append(last(world))
+        rows.append(act(world))
     return rows
 
 
@@ -34,11 +35,11 @@ def _ours() -> dict:
     """Slow and fast, by small and large steps, at each kind of sheet; and a pinch."""
     slow_and_fast = ((0.3, 5e-3), (10.0, 1e-3), (100.0, 1e-4))
     throws = tuple((cloth, *s) for cloth in ("flat", "folded", "moving") for s in slow_and_fast)
-    *rows, pinch = _throws("ccd", 5e-4, throws, _pinch)
-    return {"throws": rows, "pinch": pinch}
+    *rows, pinch, short = _throws("ccd", 5e-4, throws, _pinch, lambda world: _pinch(world, 5e-5))
+    return {"throws": rows, "pinch": pinch, "short": short}
 
 
-def _pinch(world) -> dict:
+def _pinch(world, dt: float = 1e-3) -> dict:
     """Water between the layers of a free, folded sheet that pass through each other in one step: no place is left."""
     from sim.scene.hang import folded
 
@@ -55,9 +56,11 @@ def _pinch(world) -> dict:
     contact.catch.begin()
     state["cloth.x"].from_numpy((x * [1.0, 1.0, -1.0]).astype(np.float32))
     before, counts = _momentum(world), contact.counts()
-    contact.catch.run(1e-3)
+    took_back = contact.catch.run(dt)
     after, now = _momentum(world), contact.counts()
-    return {"momentum": (before, after), **{name: now[name] - counts[name] for name in now}}
+    moved = np.abs(state["cloth.x"].to_numpy() - x).max()
+    counted = {name: now[name] - counts[name] for name in now}
+    return {"momentum": (before, after), "took_back": took_back, "moved": moved, **counted}
 
 
 def _momentum(world) -> np.ndarray:
@@ -82,8 +85,24 @@ def test_nothing_gets_through_at_any_speed_and_step(ours):
 def test_a_step_that_pinches_water_is_taken_back_and_keeps_momentum(ours):
     pinch = ours["pinch"]
     before, after = pinch["momentum"]
-    assert pinch["undone"] == 1 and pinch["leaks"] == 0
+    assert pinch["took_back"] and pinch["undone"] == 1 and pinch["leaks"] == 0 and pinch["moved"] < 1e-7
     assert np.abs(after - before).max() < 1e-5 * np.linalg.norm(before)
+
+
+def test_in_a_short_step_what_is_pinched_is_tied_and_the_rest_moves(ours):
+    short = ours["short"]
+    before, after = short["momentum"]
+    assert not short["took_back"] and short["undone"] == 0 and short["leaks"] == 0
+    assert short["tied"] > 10 and short["moved"] > 1e-3
+    assert np.abs(after - before).max() < 1e-5 * np.linalg.norm(before)
+
+
+def test_a_step_taken_back_is_gone_in_halves_and_time_is_counted_once(ours):
+    throws = ours["throws"]
+    assert sum(row["undone"] for row in throws) > 0
+    for row in throws:
+        assert row["counted"] == pytest.approx(row["steps"] * row["dt"], rel=1e-9)
+        assert row["stood"] == 0.0
 
 
 def test_the_reports_contact_leaks_where_a_step_passes_its_boxes():

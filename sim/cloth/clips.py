@@ -40,14 +40,19 @@ class Clips:
     def stages(self) -> tuple[Stage, ...]:
         """One, before the sheet moves."""
         reads = ("cloth.x", "cloth.v")
-        return (Stage("clips", "accelerate", self.run, reads=reads, writes=("cloth.v",)),)
+        return (Stage("clips", "accelerate", self.run, reads=reads, writes=("cloth.v",), forget=self.forget),)
 
     def run(self, dt: float) -> None:
         """Where they shall be, and how fast they must go."""
+        self.began = float(self.time[0])
         self.time[0] += dt * self._pace()
         now = float(self.time[0])
         places = np.concatenate([grip.place(now) for grip in self.grips]).astype(self.real)
         self._aim(places, dt)
+
+    def forget(self, dt: float) -> None:
+        """Back to where they were on their paths."""
+        self.time[0] = self.began
 
     def _pace(self) -> float:
         """1 along the path while the sheet is slack, 0 while it is taut."""

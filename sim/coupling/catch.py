@@ -9,6 +9,15 @@ from sim.search.boxes import overlap
 
 PASSES = 8
 """Of putting one particle back, each half as far over the triangle as the one before: folds may be near."""
+HOLDS = 12
+"""Of tying what is pinched, what that pinches, and so on; then the whole step waits."""
+SHORT = 1e-4
+"""[s] Steps no longer than this, a substep of the cloth, are not gone in halves: what is pinched in them is tied."""
+GRAIN = 2.0**-22
+"""[m] Ties move in whole ones of these: places of less than 4 m keep their distances to the bit, but where one passes a
+power of two."""
+CLIP = 1e20
+"""[kg] A held node weighs as much as moves for nobody."""
 CLEARANCE = 0.05
 """[dx] A caught particle is put this far over the triangle, on its entry side."""
 
@@ -18,10 +27,13 @@ class Catch:
     """reads and writes fluid.x, fluid.v, cloth.x, cloth.v.
 
     A particle that crossed is put over the end triangle. If no place is found for one, it is pinched, and the step is
-    taken back: water and sheet stand and move as they did before it, but for the pinched and their triangles, which go
-    on with their mean velocity. (To hold only these back tears at the sheet: 6 mm in a substep are 60 m/s.)
+    taken back, to be gone anew in halves: water and sheet stand and move as they did before it, but for the pinched and
+    their triangles, which go on with their mean velocity. (To hold only these back tears at the sheet: 6 mm in a
+    substep are 60 m/s.) In a SHORT step they are tied instead: what is pinched, the triangles about it and all that
+    these pinch go one way, their mean, with one speed, so that they cannot cross (as rigid impact zones, Provot 1997).
 
-    acts, undone, leaks: totals of particles caught, of steps taken back, and of crossings left (0-D, i32).
+    acts, undone, tied, leaks: totals of particles caught, of steps taken back, of particles tied, and of crossings left
+    (0-D, i32).
     """
 
     def __init__(self, build, sheet, boxes):
@@ -37,7 +49,15 @@ class Catch:
         self.x0 = ti.Vector.field(3, float, shape=capacity)
         self.v0 = ti.Vector.field(3, float, shape=capacity)
         self.crossed = ti.field(ti.i32, shape=capacity)
-        self.acts, self.undone, self.leaks = (ti.field(ti.i32, shape=()) for _ in range(3))
+        self.acts, self.undone, self.tied, self.leaks = (ti.field(ti.i32, shape=()) for _ in range(4))
+        nodes = self.node_v.shape[0]
+        self.tie, self.zone = ti.field(ti.i32, shape=capacity), ti.field(ti.i32, shape=nodes)
+        self.size, self.total = ti.field(ti.i32, shape=nodes), ti.field(float, shape=nodes)
+        self.way, self.speed = (ti.Vector.field(3, float, shape=nodes) for _ in range(2))
+
+    def totals(self) -> dict:
+        """The counters by the names that a run tells them under."""
+        return {"leaks": self.leaks, "caught": self.acts, "undone": self.undone, "tied": self.tied}
 
     @ti.kernel
     def begin(self):
@@ -46,17 +66,32 @@ class Catch:
         for i in range(self.state_count[None]):
             self.x0[i] = self.x[i]
             self.v0[i] = self.v[i]
+            self.tie[i] = -1
         ti.loop_config(serialize=self.few)
         for n in self.node_v:
             self.node_v0[n] = self.node_v[n]
+            self.zone[n] = n
 
-    def run(self, dt: float) -> None:
-        """Find who crossed, and put them back."""
+    def run(self, dt: float) -> bool:
+        """Find who crossed, and put them back. True if the whole step had to be taken back."""
         self.find()
-        if self._put_back():
+        pinched = self._put_back() > 0
+        if pinched and dt <= SHORT:
+            pinched = not self._hold()
+        if pinched:
             self._take_back()
             self.find()
             self.count_leaks()
+        return pinched
+
+    def _hold(self) -> bool:
+        """Tie what is pinched until nothing crosses; whether that came about."""
+        for _ in range(HOLDS):
+            self._carry()
+            self.find()
+            if not self._put_back():
+                return True
+        return False
 
     def find(self) -> None:
         """crossed[i] = the first triangle that x0 -> x passes, or -1."""
@@ -107,7 +142,7 @@ class Catch:
         for i in range(self.state_count[None]):
             if self.crossed[i] >= 0:
                 self.acts[None] += 1
-                attempt = 0
+                attempt = 0 if self.tie[i] < 0 else PASSES
                 while self.crossed[i] >= 0 and attempt < PASSES:
                     t, time, w = self.first_crossing(self.x0[i], self.x[i])
                     self.crossed[i] = t
@@ -141,6 +176,62 @@ class Catch:
         self.v[i] += impulse / self.mass[i]
         for k in ti.static(range(3)):
             self.node_v[corner[k]] -= self.node_w[corner[k]] * b[k] * impulse
+
+    @ti.kernel
+    def _carry(self):
+        """Tie each particle left with the triangle that it crosses; all that hangs together goes its mean way."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for i in range(self.state_count[None]):
+                if self.crossed[i] >= 0:
+                    corner = self.sheet.corner[self.crossed[i]]
+                    self.tied[None] += self.tie[i] < 0
+                    if self.tie[i] < 0:
+                        self.tie[i] = corner[0]
+                    for k in range(3):
+                        a, b = self._root(self.tie[i]), self._root(corner[k])
+                        self.zone[ti.max(a, b)] = ti.min(a, b)
+            self._mean()
+            for n in range(self.zone.shape[0]):
+                z = self._root(n)
+                if self.size[z] > 1:
+                    self.sheet.x[n] = self.sheet.x0[n] + self.way[z]
+                    self.node_v[n] = self.speed[z] * (self.node_w[n] > 0.0)
+            for i in range(self.state_count[None]):
+                if self.tie[i] >= 0:
+                    z = self._root(self.tie[i])
+                    self.x[i], self.v[i] = self.x0[i] + self.way[z], self.speed[z]
+
+    @ti.func
+    def _root(self, n):
+        r = n
+        while self.zone[r] != r:
+            r = self.zone[r]
+        return r
+
+    @ti.func
+    def _mean(self):
+        """Way and speed of each zone, by mass; one that a clip holds goes as the clip does."""
+        for n in range(self.zone.shape[0]):
+            self.way[n], self.speed[n], self.total[n], self.size[n] = 0.0, 0.0, 0.0, 0
+        for n in range(self.zone.shape[0]):
+            z, m = self._root(n), CLIP
+            if self.node_w[n] > 0.0:
+                m = 1.0 / self.node_w[n]
+            self.size[z] += 1
+            self._add(z, m, self.sheet.x[n] - self.sheet.x0[n], self.node_v[n])
+        for i in range(self.state_count[None]):
+            if self.tie[i] >= 0:
+                self._add(self._root(self.tie[i]), self.mass[i], self.x[i] - self.x0[i], self.v[i])
+        for n in range(self.zone.shape[0]):
+            self.way[n] = ti.round(self.way[n] / (ti.max(self.total[n], 1e-30) * GRAIN)) * GRAIN
+            self.speed[n] /= ti.max(self.total[n], 1e-30)
+
+    @ti.func
+    def _add(self, z, m, way, speed):
+        self.total[z] += m
+        self.way[z] += m * way
+        self.speed[z] += m * speed
 
     @ti.kernel
     def _take_back(self):

@@ -1,6 +1,6 @@
 """Contact between water and cloth: sides before the step, the layer inside it, the last step after it."""
 
-from sim.coupling.catch import Catch
+from sim.coupling.catch import SHORT, Catch
 from sim.coupling.layer import Layer
 from sim.coupling.sheet import SheetGeometry
 from sim.coupling.sides import Sides
@@ -14,7 +14,7 @@ from sim.stage import Build, Stage
 class Contact:
     """Water rests on, slides along and never crosses the sheet.   shared model: see sim.coupling.layer and .catch
 
-    parts left for others: "contact" (this; .sheet, .sides, .layer, .catch), a guest for the cloth solver.
+    parts left for others: "contact" (this; .sheet, .sides, .layer, .catch, .took_back), a guest for the cloth solver.
     """
 
     class Params(Model):
@@ -29,6 +29,7 @@ class Contact:
     conserves = ("momentum",)
     narrow = staticmethod(first_hit)
     tight = True
+    short = SHORT
 
     def __init__(self, build: Build, params: "Contact.Params"):
         config = build.config
@@ -39,7 +40,7 @@ class Contact:
         self.sides = Sides(build, self.sheet, self.boxes, reach)
         self.layer = Layer(build, self.sheet)
         self.catch = Catch(build, self.sheet, self.boxes)
-        self.touched = self.layer.touched
+        self.touched, self.took_back = self.layer.touched, False
         build.parts["contact"] = self
         build.parts.setdefault("guests", []).append(self.layer)
 
@@ -56,7 +57,7 @@ class Contact:
             Stage(
                 "contact.catch",
                 "catch",
-                self.catch.run,
+                self._end,
                 reads=("fluid.x", "fluid.v", "fluid.mass", "cloth.x", "cloth.v", "cloth.inv_mass"),
                 writes=("fluid.x", "fluid.v", "cloth.x", "cloth.v"),
             ),
@@ -66,12 +67,13 @@ class Contact:
         self.sides.run(dt)
         self.catch.begin()
 
+    def _end(self, dt: float) -> None:
+        self.took_back = self.catch.run(dt)
+
     def counts(self) -> dict[str, int]:
-        """Totals so far: `leaks`, how often the last step acted, and how many steps it took back."""
-        catch = self.catch
-        return {"leaks": int(catch.leaks[None]), "caught": int(catch.acts[None]), "undone": int(catch.undone[None])}
+        """Totals so far: `leaks`, how often the last step acted, steps that it took back, particles that it tied."""
+        return {name: int(field[None]) for name, field in self.catch.totals().items()}
 
     def counters(self) -> dict:
         """0-D fields that a saved state keeps."""
-        catch = self.catch
-        return {"acts": catch.acts, "undone": catch.undone, "leaks": catch.leaks, "touched": self.touched}
+        return {**self.catch.totals(), "touched": self.touched}

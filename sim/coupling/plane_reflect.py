@@ -29,6 +29,7 @@ class PlaneReflect:
     conserves = ()
     narrow = staticmethod(plane_crossing)
     tight = False
+    took_back = False
 
     def __init__(self, build: Build, params: "PlaneReflect.Params"):
         state = build.state

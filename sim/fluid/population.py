@@ -55,7 +55,7 @@ class Population:
 
     def stages(self) -> tuple[Stage, ...]:
         """Removal, then emission."""
-        return (Stage("source", "source", self.run, self.state.moving, self.state.moving),)
+        return (Stage("source", "source", self.run, self.state.moving, self.state.moving, forget=self.forget),)
 
     def run(self, dt: float) -> None:
         """Take out what left or died, pour what has come by now. CapacityError if someone found no room."""
@@ -64,6 +64,10 @@ class Population:
             self.state.permute_fluid(self.order)
         if self._pour(round(dt * FEMTO)):
             raise CapacityError(f"fluid.particles_max = {self.capacity}: full; raise it")
+
+    def forget(self, dt: float) -> None:
+        """What a step of dt that was taken back poured stays; the next ones count on from its start."""
+        self.time[0] -= round(dt * FEMTO)
 
     def reset(self) -> None:
         """The scene's blocks at t = 0, ids in order; nothing has come or gone yet."""

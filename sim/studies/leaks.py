@@ -136,7 +136,7 @@ def throw(world: Any, speed: float, dt: float) -> dict[str, Any]:
     steps = min(max(math.ceil(WAY / (speed * dt)), STEPS[0]), STEPS[1])
     living, failure = int(state.count[None]), ""
     for _ in range(steps):
-        world._step(dt)
+        world.go(dt)
     rows = [state["fluid.x"].to_numpy()[: int(state.count[None])], state["cloth.x"].to_numpy()]
     if not all(np.isfinite(values).all() for values in rows):
         failure = "not a number"
