@@ -307,7 +307,8 @@ def compare_searches(
     quick: Annotated[bool, typer.Option("--quick", help="Of the searches: smaller, within a minute.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder of their CSV and PNG; else outputs/compare.")] = None,
 ) -> None:
-    """Methods side by side; without a further word: searches over patches, by what a step costs and what they find."""
+    """Methods side by side; without a further word: searches over patches, by what a step costs and what they
+    find, then narrow phases."""
     if context.invoked_subcommand:
         return
     from render.searches import accuracy_chart, search_chart
@@ -327,6 +328,23 @@ def compare_searches(
     search_chart(path, path.with_suffix(".png"))
     accuracy_chart(accuracy, accuracy.with_suffix(".png"))
     print(f"{searches.told(searches.fits(rows))}\n{searches.verdict(rows)}\n{path}, {path.with_suffix('.png')}")
+    compare_narrow(quick, out)
+
+
+@compare.command("narrow")
+def compare_narrow(
+    quick: Annotated[bool, typer.Option("--quick", help="A tenth of the queries.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder of CSV and PNG; else outputs/compare.")] = None,
+) -> None:
+    """Speed against accuracy of every narrow phase, f32 and f64, on queries that rational arithmetic has answered."""
+    from render.narrow import narrow_chart
+    from sim.run import OUTPUTS
+    from sim.studies import narrow_chart as narrow
+
+    path = (out or OUTPUTS / "compare") / f"narrow{'-quick' if quick else ''}.csv"
+    rows = narrow.run(quick, path)
+    narrow_chart(path, path.with_suffix(".png"))
+    print(f"{narrow.verdict(rows)}\n{path}, {path.with_suffix('.png')}")
 
 
 @compare.command("tree")

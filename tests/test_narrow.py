@@ -4,41 +4,15 @@ import os
 
 import numpy as np
 import pytest
-from exact_ccd import meets
 
 import main as seep
+from sim.studies.exact_ccd import meets
+from sim.studies.hard_queries import queries
 from tests.spawned import spawn
 
 MANY = os.environ.get("SEEP_SLOW") == "1"
 """Thousands of queries instead of some hundred: SEEP_SLOW=1 pytest tests/test_narrow.py, 10 minutes."""
 COUNT = 4000 if MANY else 50
-
-
-def _queries(count: int) -> dict[str, np.ndarray]:
-    """By kind, (count, 8, 3) exact in f32.
-
-    lattice     corners of a coarse lattice: edges, corners and planes met exactly, triangles without area
-    sliding     in the plane of a triangle that turns about itself
-    resting     on the triangle or 1e-7 beside it, all moving together
-    turning     into the plane and out again: a double root, or just none
-    scattered   a point flung past a tumbling triangle, from a wide field
-    """
-    random = np.random.default_rng(11)
-    lattice = random.integers(-2, 3, (count, 8, 3)) / 4.0
-    flat = random.integers(-4, 5, (count, 8, 3)) / 8.0
-    flat[..., 2] = 0.25
-    corners = random.uniform(-0.1, 0.1, (count, 3, 3)).astype(np.float32)
-    share = random.dirichlet(np.ones(3), count)[:, :, None]
-    on = (share * corners).sum(1) + random.choice([0.0, 1e-7], (count, 1)) * random.standard_normal((count, 3))
-    resting = np.concatenate([on[:, None], corners, on[:, None], corners], 1)
-    resting[:, 4:] += random.uniform(-1e-3, 1e-3, (count, 1, 3))
-    turning = random.integers(-2, 3, (count, 8, 3)) / 4.0
-    turning[:, 1:4, 2], turning[:, 5:, 2] = 0.0, 0.0
-    turning[:, 0, 2], turning[:, 4, 2] = 0.25, 0.25
-    turning[:, 6, 2] = random.integers(0, 9, count) / 8.0
-    scattered = random.uniform(-0.2, 0.2, (count, 8, 3))
-    kinds = {"lattice": lattice, "sliding": flat, "resting": resting, "turning": turning, "scattered": scattered}
-    return {kind: v.astype(np.float32) for kind, v in kinds.items()}
 
 
 def _judged(precision: str, count: int) -> dict[str, np.ndarray]:
@@ -47,12 +21,12 @@ def _judged(precision: str, count: int) -> dict[str, np.ndarray]:
 
     runtime.start(threads=2, precision=precision)
     judge = Judge(phases()["ccd"], count, precision)
-    return {kind: judge.answer(v)[0] for kind, v in _queries(count).items()}
+    return {kind: judge.answer(v)[0] for kind, v in queries(count).items()}
 
 
 @pytest.fixture(scope="module")
 def truth() -> dict[str, list]:
-    return {kind: [meets(query) for query in v] for kind, v in _queries(COUNT).items()}
+    return {kind: [meets(query) for query in v] for kind, v in queries(COUNT).items()}
 
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])
@@ -112,3 +86,18 @@ def test_a_wrong_file_is_one_line(arrays, line, tmp_path, capsys):
         np.savez(path, **arrays)
     assert seep.main(["compare", "ccd", "--queries", str(path), "--out", str(tmp_path / "out.npz")]) == 2
     assert capsys.readouterr().err == f"{path}: {line}\n"
+
+
+def test_the_chart_of_narrow_phases_is_drawn_from_its_csv_alone(tmp_path):
+    import imageio.v3 as iio
+
+    from render.narrow import narrow_chart
+    from sim.studies.ablate import write_table
+    from sim.studies.narrow_chart import COLUMNS, verdict
+
+    right = {"phase": "ccd", "precision": "f32", "kind": "scene", "queries": 9, "hits": 4, "missed": 0, "false": 0}
+    rows = [right | {"nanoseconds": 900.0}, right | {"phase": "plane_reflect", "missed": 3, "nanoseconds": 20.0}]
+    write_table(tmp_path / "narrow.csv", COLUMNS, rows)
+    narrow_chart(tmp_path / "narrow.csv", tmp_path / "narrow.png")
+    assert iio.imread(tmp_path / "narrow.png").std() > 10
+    assert verdict(rows).splitlines()[1] == "plane_reflect (f32): misses 3 of 4 hits, sees 0 in 5 misses, 20 ns"
