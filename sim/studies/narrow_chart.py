@@ -63,7 +63,6 @@ def verdict(rows: list[dict[str, Any]]) -> str:
         mine = [r for r in rows if (r["phase"], r["precision"]) == (name, precision)]
         missed, false, hits, asked = (sum(r[key] for r in mine) for key in ("missed", "false", "hits", "queries"))
         cost = next(r["nanoseconds"] for r in mine if r["kind"] == "scene")
-        lines.append(
-            f"{name} ({precision}): misses {missed} of {hits} hits, sees {false} in {asked - hits} misses, {cost:.0f} ns"
-        )
+        wrong = f"misses {missed} of {hits} hits, sees {false} in {asked - hits} misses"
+        lines.append(f"{name} ({precision}): {wrong}, {cost:.0f} ns")
     return "\n".join(lines)

@@ -12,6 +12,7 @@ class Load:
     carried()   force of the clips on cloth and water [N] (3,)
     pressure()  contact impulse over area and time at each node, both faces [Pa] (n,)
     places()    mean place of each node [m] (n, 3)
+    momentum()  of water and free cloth now [kg m/s] (3,)
     """
 
     def __init__(self, world: Any):
@@ -46,16 +47,16 @@ class Load:
         if not self.watching:
             self._cloth(dt)
             return
-        before = self._momentum()
+        before = self.momentum()
         self._cloth(dt)
         free = self._read("cloth.inv_mass") > 0.0
         weight = self._read("cloth.mass")[free].sum() * np.array(self.world.config.space.gravity)
-        self.impulse += self._momentum() - before - dt * weight
+        self.impulse += self.momentum() - before - dt * weight
         self.push += self._read("cloth.push_front") + self._read("cloth.push_back")
         self.x += dt * self._read("cloth.x")
         self.time += dt
 
-    def _momentum(self) -> np.ndarray:
+    def momentum(self) -> np.ndarray:
         """Of water and free cloth [kg m/s]."""
         living, free = int(self.world.state.count[None]), self._read("cloth.inv_mass") > 0.0
         water = self._read("fluid.mass")[:living, None] * self._read("fluid.v")[:living]
@@ -70,6 +71,33 @@ def node_areas(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     a, b, c = (x[triangles[:, k]] for k in range(3))
     third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
     return np.bincount(triangles.ravel(), np.repeat(third, 3), len(x))
+
+
+def under(x: np.ndarray, triangles: np.ndarray, water: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(corners (k, 3), barycentric weights (k, 3)) of the triangle at each particle's place on the sheet seen from
+    above; corners are -1 beside it. Of a sheet with overhangs, some triangle."""
+    order = np.argsort(water[:, 0], kind="stable")
+    across, along = water[order, 0], water[order, 1]
+    found, shares = np.full((len(water), 3), -1), np.zeros((len(water), 3))
+    for corners in triangles:
+        a, b, c = x[corners, :2]
+        first, last = np.searchsorted(across, (min(a[0], b[0], c[0]), max(a[0], b[0], c[0])))
+        u, v, p, q = b - a, c - a, across[first:last] - a[0], along[first:last] - a[1]
+        area = u[0] * v[1] - u[1] * v[0]
+        s, t = (p * v[1] - q * v[0]) / area, (u[0] * q - u[1] * p) / area
+        over = np.flatnonzero((s >= 0.0) & (t >= 0.0) & (s + t <= 1.0))
+        found[order[first + over]] = corners
+        shares[order[first + over]] = np.stack([1.0 - s - t, s, t], 1)[over]
+    return found, shares
+
+
+def depth_by_mass(x: np.ndarray, triangles: np.ndarray, water: np.ndarray, mass: np.ndarray, rest: float) -> np.ndarray:
+    """h = sum m b/(rho_0 A) at each node (n,) [m]: b the weight of a particle on the sheet seen from above, A a third
+    of the node's triangles there. water (k, 3) [m], mass (k,) [kg], rest rho_0 [kg/m^3]."""
+    corners, shares = under(x, triangles, water)
+    there = corners[:, 0] >= 0
+    above = np.bincount(corners[there].ravel(), (shares * mass[:, None])[there].ravel(), len(x))
+    return above / (rest * node_areas(x * [1.0, 1.0, 0.0], triangles))
 
 
 def level(x: np.ndarray, triangles: np.ndarray, volume: float) -> float:
