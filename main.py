@@ -98,9 +98,10 @@ def video(
     eye: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Where the camera stands [m].")] = None,
     target: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="What it looks at [m].")] = None,
     fov: Annotated[str | None, typer.Option(metavar="ANGLE", help="Vertical field of view, such as '32 deg'.")] = None,
+    look: Annotated[str | None, typer.Option(help="Of water: film | particles.")] = None,
     out: Annotated[Path | None, typer.Option(help="The film; RUN/video.mp4 if left out.")] = None,
 ) -> None:
-    """Draw a finished run again: other camera, size or speed."""
+    """Draw a finished run again: other camera, size, look or speed."""
     from sim import config, runtime
     from sim import run as runs
 
@@ -108,6 +109,7 @@ def video(
     settings = [f"render.size=[{size.replace('x', ',')}]"] if size else []
     settings += [f"render.camera.{k}=[{v}]" for k, v in (("eye", eye), ("target", target)) if v]
     settings += [f"render.camera.fov={fov}"] if fov else []
+    settings += [f"render.look={look}"] if look else []
     again = config.load(folder.config, settings)
     if not folder.frames():
         raise ConfigError(f"{folder.label}: holds no frames")
@@ -400,7 +402,8 @@ def _look(config):
     from render.draw import Look
 
     r = config.render
-    return Look(size=r.size, eye=r.camera.eye, target=r.camera.target, fov=r.camera.fov, light=r.light.direction)
+    camera = {"eye": r.camera.eye, "target": r.camera.target, "fov": r.camera.fov}
+    return Look(size=r.size, light=r.light.direction, water=r.look, **camera)
 
 
 @contextmanager

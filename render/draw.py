@@ -9,6 +9,7 @@ import numpy as np
 import taichi as ti
 
 from render import image, opaque, raster
+from render.beads import Beads
 from render.camera import VEC3, box_of, lens, look_at
 from render.cloth import Sheet
 from render.light import DISC, GLASS_SHADE, Light
@@ -29,6 +30,7 @@ class Look:
     fov             vertical field of view [rad]
     light           direction in which sunlight travels
     tile            side of a check of the ground
+    water           "film", one clear surface, or "particles", a ball each
     """
 
     size: tuple[int, int] = (1280, 720)
@@ -37,6 +39,7 @@ class Look:
     fov: float = math.radians(32.0)
     light: tuple[float, float, float] = (-0.5, -0.3, -1.0)
     tile: float = 0.05
+    water: str = "film"
 
 
 _renderers: dict[tuple[int, int], Renderer] = {}
@@ -59,7 +62,7 @@ class Renderer:
         self.keys = ti.ndarray(ti.i64, (height, width, 4))
         self.image, self.spare = (ti.ndarray(VEC3, (height, width)) for _ in range(2))
         self.facets = ti.ndarray(opaque.VEC4, (height, width))
-        self.water = None
+        self.water, self.beads = None, None
         self.pixels = np.zeros((height, width, 3), np.uint8)
         self.light = Light()
         self.static, self.sheet, self.placed = None, None, None
@@ -72,7 +75,12 @@ class Renderer:
         to_sun = (-np.asarray(look.light) / np.linalg.norm(look.light)).astype(np.float32)
         first_solid = self._opaque(frame, look, static, view, glass, to_sun)
         if frame.fluid_x is not None and len(frame.fluid_x):
-            self._water(frame, static, view, glass, to_sun)
+            if look.water == "particles":
+                self.beads = self.beads or Beads(self.size)
+                spacing = float(static.spacing)
+                self.beads.draw(frame, spacing, view, glass, to_sun, self.keys, self.light, self.image)
+            else:
+                self._water(frame, static, view, glass, to_sun)
         if self.solids:
             opaque.overlay_walls(
                 view,

@@ -361,7 +361,7 @@ class Render(Model):
     """[render]: how frames are drawn."""
 
     size: tuple[int, int] = quantity((1280, 720), ge=16, le=8192, why="even numbers, as films need")
-    look: Literal["film"] = option("film")
+    look: Literal["film", "particles"] = option("film", why="one clear surface; or a ball for each particle")
     fps: int | None = quantity(None, ge=1, le=1000, why="of the film; run.fps if absent, less shows it slower")
     camera: Camera = Field(default_factory=Camera)
     light: Light = Field(default_factory=Light)

@@ -16,8 +16,8 @@ def measure(world: Any) -> dict[str, float]:
     """Figures of the run. Momenta along x, which nothing but the clips changes.
 
     error   impulse of the clips less what water and sheet have lost, over what the jet has brought
-    kept    of the x momentum that it brought, what water poured more than MET ago has at the end: 1 straight on, 0 along
-            the sheet, -1 thrown back
+    kept    of the x momentum that it brought, what water poured more than MET ago has at the end: 1 straight on, 0
+            along the sheet, -1 thrown back
     strain  the largest of any frame
     caught  share of particle-steps in which the last step acted
     leaks   crossings
