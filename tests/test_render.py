@@ -120,6 +120,18 @@ def test_wet_cloth_is_darker_and_between_dry_and_soaked(render):
     assert levels[2][1] / levels[2][0] < levels[0][1] / levels[0][0]  # and more saturated
 
 
+def test_particles_are_balls_coloured_by_speed_and_hidden_by_cloth(render):
+    look = render.Look(size=SIZE, water="particles")
+    frame, static = sheet(0.0)
+    places = np.array([[0.03, -0.03, 0.105], [-0.03, -0.03, 0.105], [0.0, 0.0, 0.09]])
+    pour(frame, static, places, mass=1e-3)
+    frame.fluid_v[1] = 3.0
+    slow, fast, under = (render.draw(frame, look, static)[pixel_of(render, look, x)].astype(int) for x in places)
+    assert slow[2] > slow[0] + 40
+    assert fast.min() > slow.max()
+    assert under[0] > under[2] + 40
+
+
 def test_water_is_clear_not_teal(render):
     frame, static = empty()
     look = render.Look(size=SIZE, target=(0.0, 0.0, 0.0))

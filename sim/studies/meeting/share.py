@@ -1,0 +1,61 @@
+"""What meeting costs: search and contact of 20,000 particles with 20,000 patches, as a share of the step.
+
+Patches are two particles wide, as in every scene.
+"""
+
+import time
+from collections import defaultdict
+
+from sim.studies.case import Case, Point
+
+WARM, STEPS = 60, 20
+"""Steps before the clock starts, and while it runs."""
+
+
+def measure(world) -> dict[str, float]:
+    """Processor time, all threads together, which a busy machine hardly changes.
+
+    error   of search (boxes, sides, cuts, the last step) and contact (water inside the cloth's substeps) over the step
+    search  of its stages alone
+    layer   of the cloth's stage less that of the same sheet without water on it
+    NAME_ms a step, of each stage
+    """
+    spent: dict[str, float] = defaultdict(float)
+    for step in range(WARM + STEPS):
+        dt = world.clock.next_step(world.stages)
+        for stage in world.stages:
+            wall, began = time.perf_counter(), time.process_time()
+            stage.run(dt)
+            spent[stage.name] += (time.process_time() - began) * (step >= WARM)
+            world.seconds[stage.name] += time.perf_counter() - wall
+        world.clock.advance(dt)
+    layer, cloth = world.build.parts["contact"].layer, world.build.parts["cloth"]
+    touching, params = int(layer.count[None]), cloth.params
+    layer.count[None] = 0
+    began = time.process_time()
+    for _ in range(STEPS):
+        cloth.advance(dt, params.damping, params.drag)
+    dry = time.process_time() - began
+    whole = sum(spent.values())
+    search = sum(seconds for name, seconds in spent.items() if name.startswith("contact."))
+    wet = next(seconds for name, seconds in spent.items() if name.startswith("cloth."))
+    figures = {"error": (search + wet - dry) / whole, "search": search / whole, "layer": (wet - dry) / whole}
+    figures |= {f"{name}_ms": 1e3 * seconds / STEPS for name, seconds in spent.items()}
+    return figures | {"touching": touching, "patches": len(world.scene.sheet.patches)}
+
+
+CASE = Case(
+    name="share",
+    scene="pool",
+    reference="search and contact, of the whole step",
+    bounds={"error": 0.15},
+    measure=measure,
+    full=(
+        Point(
+            ("fluid.spacing=2.5 mm", "fluid.block.lump={low=[-0.0625,-0.0625,0.221],high=[0.0625,0.0625,0.241]}",
+             "emitter.spout.start=1 s", "cloth.size=[0.705,0.705]", "cloth.slack=0", "cloth.settle=0 s", "cloth.pins.corners.where=edges",
+             "space.low=[-0.4,-0.4,-0.01]", "space.high=[0.4,0.4,0.3]"),
+        ),
+    ),
+    quick=(),
+)  # fmt: skip
