@@ -28,27 +28,6 @@ spacing = "1 cm"
 processes = ["absorb", "wick", "seep"]
 """
 
-POOL = """
-schema = 1
-extends = "seep"
-[run]
-duration = "2.4 s"
-fps = 10
-[fluid]
-spacing = "4 mm"
-[cloth]
-spacing = "1 cm"
-settle = "1 s"
-[cloth.fabric]
-permeability_through = 0.0
-permeability_along = 0.0
-[emitter.spout]
-rate = "100 ml/s"
-start = "0 s"
-stop = "0.5 s"
-centre = [0.0, 0.0, 0.22]
-"""
-
 TAUT = """
 schema = 1
 [run]
@@ -123,18 +102,16 @@ def test_cells_and_a_refitted_tree_give_the_same_bits(free_flight):
     assert spawn(_free_flight, free_flight["path"], 'coupling.search="lbvh"')["bits"] == free_flight["bits"]
 
 
-def _pool(path: str) -> dict:
-    from sim.studies.meeting.pool import measure
+def _pool() -> dict:
+    from sim.studies.meeting.pool import CASE
 
-    return measure(open_world(path))
+    return CASE.measure(open_world(CASE.scene, *CASE.quick[0].overrides))
 
 
 @pytest.fixture(scope="module")
-def pool(tmp_path_factory):
-    """50 ml at rest in a sheet that lets nothing through."""
-    path = tmp_path_factory.mktemp("pool") / "pool.toml"
-    path.write_text(POOL)
-    return spawn(_pool, str(path))
+def pool():
+    """80 ml at rest in a sheet that lets nothing through, as the quick chart has it."""
+    return spawn(_pool)
 
 
 def test_the_clips_carry_cloth_and_pool(pool):
@@ -183,3 +160,23 @@ def test_a_taut_sheet_hangs_lower_wet_than_dry(tmp_path):
         expected = (3.0 * got[state] * 9.81 * 0.2**4 / (64.0 * got["stretch"])) ** (1.0 / 3.0)
         assert got["sag"][state] == pytest.approx(expected, rel=0.1), state
     assert got["sag"]["wet"] > 1.2 * got["sag"]["dry"]
+
+
+def test_depth_is_the_mass_above_and_the_level_that_of_the_volume():
+    """A sheet that slopes 1:2 under water with a level surface: 4 mm at one side, 24 mm at the other."""
+    from sim.studies.meeting.load import depth_by_mass, level, under
+
+    u, v = np.meshgrid(np.linspace(0.0, 0.04, 5), np.linspace(0.0, 0.04, 5), indexing="ij")
+    x = np.stack([u, v, 0.5 * u], -1).reshape(-1, 3)
+    first = (5 * np.arange(4)[:, None] + np.arange(4)).reshape(-1, 1)
+    triangles = np.stack([first + [0, 5, 6], first + [0, 6, 1]], 1).reshape(-1, 3)
+    dx, axis = 5e-4, np.arange(0.25e-3, 0.04, 5e-4)
+    water = np.stack(np.meshgrid(axis, axis, np.arange(0.25e-3, 0.024, 5e-4), indexing="ij"), -1).reshape(-1, 3)
+    water = water[water[:, 2] > 0.5 * water[:, 0]]
+    corners, shares = under(x, triangles, water)
+    assert np.abs((x[corners, :2] * shares[:, :, None]).sum(1) - water[:, :2]).max() < 1e-12
+    mass = np.full(len(water), 1000.0 * dx**3)
+    depth = depth_by_mass(x, triangles, water, mass, 1000.0).reshape(5, 5)
+    assert depth[1:4, 1:4] == pytest.approx((0.024 - 0.5 * u)[1:4, 1:4], rel=0.02)
+    low = level(x, triangles, 0.25 * 0.04**2 * 0.02)
+    assert low == pytest.approx(0.02 * np.sqrt(0.5), rel=0.05)

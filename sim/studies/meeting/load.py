@@ -68,9 +68,13 @@ class Load:
 
 def node_areas(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(n,) [m^2]."""
+    return np.bincount(triangles.ravel(), np.repeat(_thirds(x, triangles), 3), len(x))
+
+
+def _thirds(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """A third of the area of each triangle (t,) [m^2]."""
     a, b, c = (x[triangles[:, k]] for k in range(3))
-    third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
-    return np.bincount(triangles.ravel(), np.repeat(third, 3), len(x))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
 
 
 def under(x: np.ndarray, triangles: np.ndarray, water: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -103,8 +107,7 @@ def depth_by_mass(x: np.ndarray, triangles: np.ndarray, water: np.ndarray, mass:
 def level(x: np.ndarray, triangles: np.ndarray, volume: float) -> float:
     """Height to which `volume` [m^3] fills the hollow of a sheet: its integral over the sheet's plan, by bisection."""
     edges = 0.5 * (x[triangles] + x[np.roll(triangles, 1, axis=1)])
-    a, b, c = (x[triangles[:, k], :2] for k in range(3))
-    plan = 0.5 * np.abs(np.cross(b - a, c - a)) / 3.0
+    plan = _thirds(x * [1.0, 1.0, 0.0], triangles)
     low, high = x[:, 2].min(), x[:, 2].max()
     for _ in range(60):
         middle = 0.5 * (low + high)
