@@ -102,6 +102,7 @@ def test_a_killed_run_on_one_thread_ends_with_the_bits_of_an_unbroken_one_on_two
     summary, whole = json.loads((out / "run.json").read_text()), spawn(_unbroken)
     assert summary["state_hash"] == whole["hash"]
     assert summary["first_drop"] == whole["first_drop"]
+    assert summary["leaks"] == summary["undone"] == 0 and "caught" in summary
     rows = (out / "ledger.csv").read_text().splitlines()
     assert len(rows) == FRAMES + 2
     assert float(rows[-1].split(",")[3]) == whole["row"]["free"]

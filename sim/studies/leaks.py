@@ -21,9 +21,13 @@ STEPS = (4, 120)
 """Of a throw, fewest and most. At the slowest it gets as far as it gets."""
 SOLID = 460.0
 """[kg/m^3] Area density over thickness: that of the card cotton, so that thin cloth is light."""
-COLUMNS = ("contact", "cloth", "thickness", "speed", "dt", "particles", "steps", "caught", "undone", "leaks", "failure")
-"""Of leaks.csv [m, m/s, s], a row a throw. caught: by the last step, or reflected by the report's; undone:
-steps taken back; leaks: crossings that remained; failure: what else went wrong."""
+COLUMNS = (
+    "contact", "cloth", "thickness", "speed", "dt", "particles", "steps", "caught", "undone", "tied", "leaks",
+    "failure",
+)  # fmt: skip
+"""Of leaks.csv [m, m/s, s], a row a throw. caught: by the last step, or reflected by the report's; undone: steps taken
+back, to be gone in halves; tied: particles pinched in the shortest; leaks: crossings that remained; failure: what else
+went wrong."""
 
 
 class Study(Model):
@@ -134,13 +138,15 @@ def throw(world: Any, speed: float, dt: float) -> dict[str, Any]:
     """One throw, past the guard: steps of dt until the water would have gone WAY."""
     contact, state = world.build.parts["contact"], world.state
     steps = min(max(math.ceil(WAY / (speed * dt)), STEPS[0]), STEPS[1])
-    living, failure = int(state.count[None]), ""
+    living, failure, world.stood = int(state.count[None]), "", 0.0
     for _ in range(steps):
         world.go(dt)
     rows = [state["fluid.x"].to_numpy()[: int(state.count[None])], state["cloth.x"].to_numpy()]
     if not all(np.isfinite(values).all() for values in rows):
         failure = "not a number"
-    return {"particles": living, "steps": steps, "undone": 0, **contact.counts(), "failure": failure}
+    elif world.stood > 0.0:
+        failure = "stood still"
+    return {"particles": living, "steps": steps, "undone": 0, "tied": 0, **contact.counts(), "failure": failure}
 
 
 def verdict(rows: list[dict[str, Any]]) -> str:
