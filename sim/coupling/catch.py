@@ -31,6 +31,7 @@ class Catch:
     their triangles, which go on with their mean velocity. (To hold only these back tears at the sheet: 6 mm in a
     substep are 60 m/s.) In a SHORT step they are tied instead: what is pinched, the triangles about it and all that
     these pinch go one way, their mean, with one speed, so that they cannot cross (as rigid impact zones, Provot 1997).
+    Not where the sheet feels itself: its layers keep room between them, and ties might move one through another.
 
     acts, undone, tied, leaks: totals of particles caught, of steps taken back, of particles tied, and of crossings left
     (0-D, i32).
@@ -46,6 +47,7 @@ class Catch:
         self.clearance = CLEARANCE * build.config.fluid.spacing
         capacity = state.sizes["fluid"]
         self.few = runtime.few(capacity)
+        self.ties = build.config.cloth.self_contact is None
         self.x0 = ti.Vector.field(3, float, shape=capacity)
         self.v0 = ti.Vector.field(3, float, shape=capacity)
         self.crossed = ti.field(ti.i32, shape=capacity)
@@ -76,7 +78,7 @@ class Catch:
         """Find who crossed, and put them back. True if the whole step had to be taken back."""
         self.find()
         pinched = self._put_back() > 0
-        if pinched and dt <= SHORT:
+        if pinched and dt <= SHORT and self.ties:
             pinched = not self._hold()
         if pinched:
             self._take_back()
