@@ -225,6 +225,11 @@ def _begin(world: Any, folder: RunFolder, resuming: bool, on_frame: Callable | N
     """Frame 0 on disk, or the state of the checkpoint in the world; returns the number of the frame reached."""
     if resuming and folder.checkpoint.exists():
         last, state = checkpoint.read(folder.checkpoint)
+        if lacking := sorted(world.save().keys() - state.keys()):
+            raise RunError(
+                f"{folder.checkpoint}: written by another version of this program, without {lacking[0]}; "
+                "start the run again without --resume"
+            )
         world.load(state)
         _cut_ledger(folder.ledger, last)
         return last

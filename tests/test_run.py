@@ -198,6 +198,9 @@ def test_a_finished_run_has_nothing_to_resume(scene, tmp_path):
 
 def test_broken_files_are_told_plainly(scene, tmp_path):
     folder = go(scene(frames=2), tmp_path / "out")
+    checkpoint.write(folder.checkpoint, 2, {"cloth/x": np.zeros((4, 3)), "frame": 2})
+    with pytest.raises(RunError, match="written by another version of this program, without steps"):
+        run._begin(Walk(load(scene(frames=2))), folder, True, None)
     folder.checkpoint.write_bytes(folder.checkpoint.read_bytes()[:100])
     with pytest.raises(RunError, match="not a readable checkpoint"):
         checkpoint.read(folder.checkpoint)
