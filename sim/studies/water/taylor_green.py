@@ -1,4 +1,10 @@
-"""Vortices in a periodic square, which die of viscosity alone."""
+"""Vortices in a periodic square, which die of viscosity alone.
+
+A projection of the velocity takes dt/2 |grad p/rho|^2 a second of energy beyond what it should: of these vortices
+dt/2 (U k)^2, k = 2 pi/L, 4.6 % of the rate where a step is 0.2 spacings long, 40 across. Viscosity itself comes out
+within 1 %. At support 3 sums over disordered neighbours are so rough that projecting them costs another 3 %, and more
+with more steps: 8.5, 8.3 and 7.9 % at cfl 0.4, 0.2 and 0.1; at support 4 it is 7.7 and 3.9 % at 0.4 and 0.2.
+"""
 
 import math
 
@@ -49,10 +55,11 @@ def _set(world, speed: float) -> None:
     world.state["fluid.v"].from_numpy(v)
 
 
-def _across(count: int) -> tuple[str, ...]:
+def _across(count: int, support: int) -> tuple[str, ...]:
     """Settings for so many particles along the square, in a slab of just two support radii."""
     dx = 1.0 / count
-    return (f"fluid.spacing={dx}", f"space.high=[1, 1, {6 * dx}]", f"fluid.block.all.high=[1, 1, {6 * dx}]")
+    high = f"[1, 1, {2 * support * dx}]"
+    return (f"fluid.support={support}", f"fluid.spacing={dx}", f"space.high={high}", f"fluid.block.all.high={high}")
 
 
 CASE = Case(
@@ -61,6 +68,6 @@ CASE = Case(
     reference="E ~ exp(-16 pi^2 nu t/L^2), Taylor & Green 1937",
     bounds={"error": 0.05},
     measure=measure,
-    full=(Point(_across(80)),),
+    full=(Point((*_across(40, 4), "fluid.dfsph.cfl=0.2")),),
     quick=(),
 )
