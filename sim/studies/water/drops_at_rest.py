@@ -8,8 +8,6 @@ from sim.studies.probe import row
 
 SETTLED = 0.5
 """[1] of the run: stress is a mean over what is left."""
-EVERY = 10
-"""Steps from one reading of the stress to the next."""
 
 
 @ti.data_oriented
@@ -48,39 +46,47 @@ class Stress:
 
 
 def measure(world) -> dict[str, float]:
-    """gamma [N/m] from the slope of inner stress against 1/R, and stress/(2 gamma/R) of each drop.
+    """gamma [N/m] from the slope of inner stress against 2/R, R the mean radius at which tension acts (Gibbs 1878).
 
-    error    gamma over the liquid's, less 1
-    drift    the largest speed of a drop's centre of mass [m/s]: nothing pulls it
-    NAME     mean stress deeper than H below the surface of that drop, over Laplace's pressure
+    error         gamma over the liquid's, less 1
+    error_at_rim  the same with the radius of the ball that the drop's water fills
+    drift         the largest speed of a drop's centre of mass [m/s]: nothing pulls it
+    NAME          mean stress deeper than H below the surface of that drop, over 2 gamma/R
     """
-    balls, fluid = world.config.fluid.ball, world.config.fluid
-    counts = [round(ball.volume / fluid.spacing**3) for ball in balls.values()]
+    balls, liquid = world.config.fluid.ball, world.config.fluid.liquid
+    counts = [round(ball.volume / world.config.fluid.spacing**3) for ball in balls.values()]
     drop_of = np.repeat(np.arange(len(balls)), counts)
-    radii = np.array([ball.radius for ball in balls.values()])
+    rims = np.array([ball.radius for ball in balls.values()])
     stress, seen = Stress(world), []
     while world.clock.time < world.config.run.duration - 1e-9:
         world.step()
-        if world.clock.time > SETTLED * world.config.run.duration and world.clock.step % EVERY == 0:
-            seen.append(_inside(world, stress.read(), drop_of, radii))
-    inner = np.mean(seen, axis=0)
-    gamma = np.polyfit(2.0 / radii, inner, 1)[0]
-    laplace = 2.0 * fluid.liquid.surface_tension / radii
+        if world.clock.time > SETTLED * world.config.run.duration:
+            seen.append(_read(world, stress.read(), drop_of, rims))
+    inner, radii = np.mean(seen, axis=0)
+    gamma, at_rim = (np.polyfit(2.0 / r, inner, 1)[0] for r in (radii, rims))
     ids, v = row(world, "id").astype(int), row(world, "v")
     drift = max(np.linalg.norm(v[drop_of[ids] == k].mean(0)) for k in range(len(balls)))
-    shares = dict(zip(balls, (inner / laplace).tolist()))
-    return {"error": gamma / fluid.liquid.surface_tension - 1.0, "gamma": gamma, "drift": drift, **shares}
+    shares = dict(zip(balls, (inner * radii / (2.0 * liquid.surface_tension)).tolist()))
+    return {
+        "error": gamma / liquid.surface_tension - 1.0,
+        "error_at_rim": at_rim / liquid.surface_tension - 1.0,
+        "drift": drift,
+        **shares,
+    }
 
 
-def _inside(world, stress: np.ndarray, drop_of: np.ndarray, radii: np.ndarray) -> list[float]:
-    """Mean stress in each drop, deeper than H."""
+def _read(world, stress: np.ndarray, drop_of: np.ndarray, rims: np.ndarray) -> np.ndarray:
+    """(2, drops): mean stress deeper than H below the rim [Pa], mean radius of the tension's stress [m]."""
     x, drop = row(world, "x"), drop_of[row(world, "id").astype(int)]
-    means = []
-    for k, radius in enumerate(radii):
+    pull = np.linalg.norm(row(world, "surface_tension.pull"), axis=1)
+    found = []
+    for k, rim in enumerate(rims):
         mine = drop == k
-        deep = np.linalg.norm(x[mine] - x[mine].mean(0), axis=1) < radius - world.config.fluid.support_radius
-        means.append(stress[mine][deep].mean())
-    return means
+        r = np.linalg.norm(x[mine] - x[mine].mean(0), axis=1)
+        found.append(
+            (stress[mine][r < rim - world.config.fluid.support_radius].mean(), np.average(r, weights=pull[mine]))
+        )
+    return np.transpose(found)
 
 
 CASE = Case(

@@ -1,0 +1,39 @@
+"""Stress that water bears, of pressure and all terms."""
+
+import numpy as np
+import taichi as ti
+
+
+@ti.data_oriented
+class Stress:
+    """rho0 (v v + 1/2 sum_j a_ij r_ij) of each particle along x, y, z [Pa]: what pushes is positive.
+
+    What Irving & Kirkwood 1950 count: half of each pair's force times its distance, and what motion carries.
+    """
+
+    def __init__(self, world):
+        parts = world.build.parts
+        self.pressure, self.pairs, self.state = parts["pressure"], parts["pairs"], world.state
+        self.terms = self.pressure.motion.terms
+        self.x, self.v, self.density = (world.state[f"fluid.{n}"] for n in ("x", "v", "density"))
+        self.rest_density = world.config.fluid.liquid.rest_density
+        self.out = ti.Vector.field(3, float, shape=self.density.shape)
+
+    def read(self) -> np.ndarray:
+        """Of each living particle, (n, 3)."""
+        self._read(self.pairs.neighbour, self.pairs.gradient)
+        return self.out.to_numpy()[: self.state.count[None]].astype(float)
+
+    @ti.kernel
+    def _read(self, neighbour: ti.template(), gradient: ti.template()):
+        for i in range(self.state.count[None]):
+            total = 2.0 * self.v[i] * self.v[i]
+            own = self.pressure.pressure(i) / self.density[i] ** 2
+            for k in range(self.pairs.start[i], self.pairs.stop[i]):
+                j = neighbour[k]
+                r = self.pairs.apart(self.x[i], j)
+                a = -(own + self.pressure.pressure(j) / self.density[j] ** 2) * gradient[k]
+                for term in ti.static(self.terms):
+                    a += term.acceleration(i, j, r, gradient[k])
+                total += a * r
+            self.out[i] = 0.5 * self.rest_density * total
