@@ -4,20 +4,16 @@ import numpy as np
 
 from sim.studies.case import Case, Point
 from sim.studies.probe import row
-from sim.studies.water.stress import Stress
+from sim.studies.water.stress import Stress, stir
 
 SETTLED = 0.5
 """[1] of the run: stress is a mean over what is left."""
-STIRRED = 0.3
-"""[m/s] Random velocities at the start: a lattice would stay one."""
 
 
 def measure(world) -> dict[str, float]:
     """gamma [N/m], half of int (p_across - p_along) dz: of each face. error: over the liquid's, less 1."""
-    config, field, count = world.config, world.state["fluid.v"], world.state.count[None]
-    v, stir = field.to_numpy(), np.random.default_rng(config.run.seed).normal(scale=STIRRED, size=(count, 3))
-    v[:count] = stir - stir.mean(0)
-    field.from_numpy(v)
+    config = world.config
+    stir(world)
     low, high = np.array(config.space.low), np.array(config.space.high)
     stress, seen = Stress(world), []
     while world.clock.time < config.run.duration - 1e-9:

@@ -1,7 +1,20 @@
-"""Stress that water bears, of pressure and all terms."""
+"""Stress that water bears, of pressure and all terms; and what makes it a liquid."""
 
 import numpy as np
 import taichi as ti
+
+STIRRED = 0.5
+"""[m/s] Deviation of each component: a film or a drop that comes to rest from a lattice, or from shells, stays one, and
+bears what no liquid would: stress in a drop of 8 spacings' radius came out 15 % higher."""
+
+
+def stir(world) -> None:
+    """Random velocities for all water, of no momentum."""
+    field, count = world.state["fluid.v"], world.state.count[None]
+    v, random = field.to_numpy(), np.random.default_rng(world.config.run.seed)
+    u = random.normal(scale=STIRRED, size=(count, 3))
+    v[:count] = u - u.mean(0)
+    field.from_numpy(v)
 
 
 @ti.data_oriented
