@@ -11,7 +11,8 @@ NOZZLE_SPACINGS = 3
 """A stream narrower than this many particles is no stream: its lattice has one or two of them across."""
 
 TENSION_SUPPORT = 2.5
-"""[dx] A drop of 10 spacings' radius rings with 23.4 ms at 3, 22.2 at 2.5, 13.6 at 2; the liquid's are 23.3."""
+"""[dx] A drop of 10 spacings' radius rings with 21.7 ms at 3, 23.6 at 2.5, 19.3 at 2, there but once; the liquid's are
+23.3."""
 
 
 def problems(config: Config) -> list[Problem]:

@@ -46,6 +46,6 @@ CASE = Case(
     reference="Rayleigh 1879: 2 pi sqrt(rho R^3/(8 gamma)) = 23.3 ms",
     bounds={"error": 0.15},
     measure=measure,
-    full=(Point(),),
+    full=(Point(), Point(("fluid.support=2.5",))),
     quick=(Point(("fluid.spacing=0.25 mm",)),),
 )
