@@ -72,8 +72,45 @@ def blown(wind):
     return (mass * world.state["cloth.v"].to_numpy()).sum(0) / mass.sum() / world.clock.elapsed
 
 
-def met(count=2000):
-    """(missed, invented) for points and triangles, and for edges: ways made to meet at a known moment, and to miss."""
+def ways_made(kind, count=2000):
+    """(count, 8, 3) ways that meet at a known moment, and as many that pass above each other."""
+    rng = np.random.default_rng(3)
+    x = rng.uniform(-1.0, 1.0, (count, 8, 3))
+    moment, share = rng.uniform(0.0, 1.0, (count, 1)), rng.dirichlet(np.ones(3), count)
+    at = x[:, :4] + moment[:, None] * (x[:, 4:] - x[:, :4])
+    if kind == "point":
+        gap = (share[:, :, None] * at[:, 1:]).sum(1) - at[:, 0]
+        moved = [0, 4]
+    else:
+        s, t = share[:, :1], share[:, 1:2]
+        gap = at[:, 2] + t * (at[:, 3] - at[:, 2]) - at[:, 0] - s * (at[:, 1] - at[:, 0])
+        moved = [0, 1, 4, 5]
+    away = x.copy()
+    x[:, moved] += gap[:, None]
+    away[:, moved, 2] += 3.0
+    return x, away
+
+
+def ways_hard(count):
+    """{kind: (count, 8, 3)} for edges of 5 mm, exact in f32: nearly parallel (1e-9 to 0.1 rad) and passing, or in one
+    plane; corners of a coarse lattice."""
+    rng = np.random.default_rng(7)
+    lattice = rng.integers(-2, 3, (count, 8, 3)) / 4.0
+    flat = rng.integers(-4, 5, (count, 8, 3)) / 8.0
+    flat[..., 2] = 0.25
+    along = rng.normal(size=(count, 3))
+    along *= 5e-3 / np.linalg.norm(along, axis=1)[:, None]
+    off = rng.normal(size=(count, 3)) * 10.0 ** rng.uniform(-7, -3, (count, 1))
+    turned = along + 5e-3 * rng.normal(size=(count, 3)) * 10.0 ** rng.uniform(-9, -1, (count, 1))
+    way = -off * rng.uniform(1.0, 3.0, (count, 1))
+    before = np.stack([0.0 * off, along, off, off + turned], 1)
+    after = before + np.stack([0.0 * off, 0.0 * off, way, way + 1e-6 * rng.normal(size=(count, 3))], 1)
+    parallel = np.concatenate([before, after], 1) + rng.uniform(-0.3, 0.3, (count, 1, 3))
+    return {kind: v.astype(np.float32) for kind, v in {"lattice": lattice, "flat": flat, "parallel": parallel}.items()}
+
+
+def met(ways):
+    """For each (kind, (n, 8, 3)): whether they meet, (n,) bool."""
     import taichi as ti
 
     from sim import runtime
@@ -88,26 +125,9 @@ def met(count=2000):
             a = [ti.Vector([p[i, 0], p[i, 1], p[i, 2]]) for i in ti.static(range(8))]
             hit[n] = meets(kind, a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7])
 
-    rng, found = np.random.default_rng(3), []
-    for kind in (POINT, EDGES):
-        x = rng.uniform(-1.0, 1.0, (count, 8, 3))
-        moment, share = rng.uniform(0.0, 1.0, (count, 1)), rng.dirichlet(np.ones(3), count)
-        at = x[:, :4] + moment[:, None] * (x[:, 4:] - x[:, :4])
-        if kind == POINT:
-            gap = (share[:, :, None] * at[:, 1:]).sum(1) - at[:, 0]
-            moved = [0, 4]
-        else:
-            s, t = share[:, :1], share[:, 1:2]
-            gap = at[:, 2] + t * (at[:, 3] - at[:, 2]) - at[:, 0] - s * (at[:, 1] - at[:, 0])
-            moved = [0, 1, 4, 5]
-        x[:, moved] += gap[:, None]
-        first = [0] if kind == POINT else [0, 1]
-        away = x.copy()
-        reach = [away[:, k::4, 2] for k in range(4)]
-        lift = max(r.max() for k, r in enumerate(reach) if k not in first) - min(reach[k].min() for k in first) + 1e-3
-        away[:, [k + m for k in first for m in (0, 4)], 2] += lift
-        hits = np.zeros((2, count), np.int32)
-        answer(kind, np.ascontiguousarray(x), hits[0])
-        answer(kind, np.ascontiguousarray(away), hits[1])
-        found.append((int((hits[0] == 0).sum()), int(hits[1].sum())))
+    found = []
+    for kind, x in ways:
+        hit = np.zeros(len(x), np.int32)
+        answer(EDGES if kind == "edges" else POINT, np.ascontiguousarray(x, np.float64), hit)
+        found.append(hit.astype(bool))
     return found

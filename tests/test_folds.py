@@ -3,6 +3,7 @@
 import fold_scenes as scenes
 import numpy as np
 import pytest
+from exact_ccd import meets
 from spawned import spawn
 
 
@@ -22,7 +23,18 @@ def test_a_piercing_edge_is_seen():
 
 
 def test_ways_that_meet_are_found_and_others_not():
-    assert spawn(scenes.met) == [(0, 0), (0, 0)]
+    """Made to meet and to miss; and hard ones, against rational arithmetic."""
+    kinds, hard = ("point", "edges"), scenes.ways_hard(40)
+    made = [(kind, x) for kind in kinds for x in scenes.ways_made(kind)]
+    hits = spawn(scenes.met, made + [(kind, x) for kind in kinds for x in hard.values()])
+    for kind in kinds:
+        assert hits.pop(0).all() and not hits.pop(0).any(), kind
+    for kind in kinds:
+        for name, x in hard.items():
+            truth = [meets(query, edges=kind == "edges") for query in x]
+            missed = [n for n, (t, hit) in enumerate(zip(truth, hits.pop(0))) if t and not hit]
+            assert not missed, (kind, name)
+            assert kind == "point" or True in truth
 
 
 def test_a_pile_never_pierces_itself(pile):

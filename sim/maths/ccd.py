@@ -18,10 +18,11 @@ them may be parted by sqrt(3) 2^-23)."""
 ROUNDING = 2.0**-48
 """[1] of the product of the largest edges: error of the cubic in f64, with room."""
 BISECTIONS = 50
-INSIDE = 1e-7
-"""[1] Slack of barycentric weights, where no length is at hand to hold a gap against."""
 STRIDES_MAX = 1000
 """Of a walk; a point that slides through the plane beside the triangle, nearer to it than its way / 1000, is a hit."""
+POINT, EDGES = 0, 1
+"""What meets what among four points: the first against the triangle of the others; the edge of the first two against
+that of the last two."""
 
 
 @ti.func
@@ -140,12 +141,17 @@ def first_hit(x0, x1, a0, a1, b0, b1, c0, c1, slack):
     """
     q0, u0, v0 = _apart(x0, a0), _apart(b0, a0), _apart(c0, a0)
     q1, u1, v1 = _apart(x1, a1), _apart(b1, a1), _apart(c1, a1)
-    dq, du, dv = q1 - q0, u1 - u0, v1 - v0
-    c = coplanar_cubic(q0, dq, u0, du, v0, dv)
     reach = ti.max(
         _largest(x0), _largest(x1), _largest(a0), _largest(a1), _largest(b0), _largest(b1), _largest(c0), _largest(c1)
     )
-    tol = slack * ti.max(reach, 1e-30)
+    return _met(POINT, q0, q1, u0, u1, v0, v1, slack * ti.max(reach, 1e-30))
+
+
+@ti.func
+def _met(kind, q0, q1, u0, u1, v0, v1, tol):
+    """(t, b1, b2) of the first time at which q is within tol of the triangle 0, u, v; EDGES: the parallelogram."""
+    dq, du, dv = q1 - q0, u1 - u0, v1 - v0
+    c = coplanar_cubic(q0, dq, u0, du, v0, dv)
     middle = 0.5 * (u0.cross(v1) + u1.cross(v0))  # of the area's Bernstein hull
     area = ti.sqrt(ti.max(u0.cross(v0).norm_sqr(), middle.norm_sqr(), u1.cross(v1).norm_sqr()))
     u_sq, v_sq = ti.max(u0.norm_sqr(), u1.norm_sqr()), ti.max(v0.norm_sqr(), v1.norm_sqr())
@@ -154,15 +160,18 @@ def first_hit(x0, x1, a0, a1, b0, b1, c0, c1, slack):
     hull = ti.Vector([c[0], c[0] + c[1] / 3.0, c[0] + (2.0 * c[1] + c[2]) / 3.0, c.sum()], ti.f64)
     hit = ti.Vector([2.0, 0.0, 0.0], ti.f64)
     if hull.min() <= eps and hull.max() >= -eps:  # else the Bernstein hull has no root: most queries end here
-        hit = _search(c, q0, dq, u0, du, v0, dv, tol, eps, rounding)
+        hit = _search(kind, c, q0, dq, u0, du, v0, dv, tol, eps, rounding)
     return hit
 
 
 @ti.func
-def _search(c, q0, dq, u0, du, v0, dv, tol, eps, rounding):
+def _search(kind, c, q0, dq, u0, du, v0, dv, tol, eps, rounding):
     """Piece by piece between the knots where the derivative vanishes: the root, then the walk."""
     hit = ti.Vector([2.0, 0.0, 0.0], ti.f64)
-    speed = ti.sqrt(ti.max(dq.norm_sqr(), (dq - du).norm_sqr(), (dq - dv).norm_sqr(), 1e-300))
+    fastest = ti.max(dq.norm_sqr(), (dq - du).norm_sqr(), (dq - dv).norm_sqr(), 1e-300)
+    if kind == EDGES:
+        fastest = ti.max(fastest, (dq - du - dv).norm_sqr())
+    speed = ti.sqrt(fastest)
     knots = _knots(c)
     for k in range(3):
         f_a, f_b = cubic(c, knots[k]), cubic(c, knots[k + 1])
@@ -172,7 +181,7 @@ def _search(c, q0, dq, u0, du, v0, dv, tol, eps, rounding):
             t = times[1] if at_root else times[0]
             strides = 0
             while hit[0] > 1.0 and (at_root or t <= times[2]):
-                near = gap(q0 + t * dq, u0 + t * du, v0 + t * dv, rounding)
+                near = _nearest(kind, q0 + t * dq, u0 + t * du, v0 + t * dv, rounding)
                 if near[0] <= tol or strides == STRIDES_MAX:
                     hit = ti.Vector([t, near[1], near[2]], ti.f64)
                 t = times[0] if at_root else t + ti.max(near[0] / speed, 1e-16)
@@ -181,11 +190,16 @@ def _search(c, q0, dq, u0, du, v0, dv, tol, eps, rounding):
     return hit
 
 
-TOUCHING = 1e-8
-"""[edge^2] Points this near at the moment of coplanarity have met: 0.5 um on a mesh of 5 mm."""
-POINT, EDGES = 0, 1
-"""What meets what among four points: the first against the triangle of the others; the edge of the first two against
-that of the last two."""
+@ti.func
+def _nearest(kind, q, u, v, rounding):
+    """`gap`; of EDGES to the nearer half of the parallelogram, with the half's own weights."""
+    near = ti.Vector([1e300, 0.0, 0.0], ti.f64)
+    for half in range(1 + kind):  # gap once in the code, for it is dear to compile
+        way = 1.0 - 2.0 * ti.cast(half, ti.f64)
+        other = gap(q - ti.cast(half, ti.f64) * (u + v), way * u, way * v, rounding)
+        if other[0] < near[0]:
+            near = other
+    return near
 
 
 @ti.func
@@ -223,32 +237,15 @@ def within(kind, one, two, slack):
 
 
 @ti.func
-def apart_sq(kind, q, u, v, one, two):
-    """Distance squared of the two points that the shares name [m^2]."""
-    r = q - one * u - two * v
-    if kind == EDGES:
-        r = q - one * u + two * v
-    return r.norm_sqr()
-
-
-@ti.func
 def meets(kind, a0, b0, c0, d0, a1, b1, c1, d1):
-    """Whether a point and a triangle, or two edges, touch at any moment of the linear way 0 -> 1 [m]. All in f64."""
+    """Whether a point and a triangle, or two edges, touch at any moment of the linear way 0 -> 1 [m]. All in f64.
+
+    Two edges touch where the gap q of their first ends lies in the parallelogram of u and -v: so both kinds are one.
+    """
     q0, u0, v0 = spanned(kind, a0, b0, c0, d0)
     q1, u1, v1 = spanned(kind, a1, b1, c1, d1)
-    dq, du, dv = q1 - q0, u1 - u0, v1 - v0
-    c = coplanar_cubic(q0, dq, u0, du, v0, dv)
-    hull = ti.Vector([c[0], c[0] + c[1] / 3.0, c[0] + (2.0 * c[1] + c[2]) / 3.0, c.sum()], ti.f64)
-    hit = False
-    if hull.min() <= 0.0 <= hull.max():
-        knots = _knots(c)
-        for k in range(3):
-            if not hit:
-                f_a, f_b = cubic(c, knots[k]), cubic(c, knots[k + 1])
-                if f_a * f_b <= 0.0 and (f_a != 0.0 or f_b != 0.0):
-                    t = _bisect(c, knots[k], knots[k + 1])
-                    q, u, v = q0 + t * dq, u0 + t * du, v0 + t * dv
-                    one, two, found = shares(kind, q, u, v)
-                    if found and within(kind, one, two, INSIDE):  # of nearly parallel edges anywhere: are they there?
-                        hit = apart_sq(kind, q, u, v, one, two) <= TOUCHING * (u.norm_sqr() + v.norm_sqr())
-    return hit
+    if kind == EDGES:
+        v0, v1 = -v0, -v1
+    reach = ti.max(_largest(a0), _largest(b0), _largest(c0), _largest(d0))
+    reach = ti.max(reach, _largest(a1), _largest(b1), _largest(c1), _largest(d1))
+    return _met(kind, q0, q1, u0, u1, v0, v1, EXACT * ti.max(reach, 1e-30))[0] <= 1.0

@@ -1,23 +1,28 @@
-"""Does a moving point meet a moving triangle: decided in rational arithmetic, by signs of polynomials at roots."""
+"""Does a moving point meet a moving triangle, or an edge an edge: in rational arithmetic, by signs at roots."""
 
 from fractions import Fraction
 
 import numpy as np
 
 
-def meets(query: np.ndarray) -> bool | None:
+def meets(query: np.ndarray, edges: bool = False) -> bool | None:
     """query (8, 3): v, f0, f1, f2 at t0, then at t1, taken as they stand. None: the triangle has no area there.
 
     The point is in the plane where f(t) = q . (u x v) vanishes, and in the triangle where its three barycentric
     weights times |u x v|^2 are not negative. Always in the plane: the weights' own roots, and times between them.
+    edges: of v, f0 and of f1, f2. The weights are the two places along them, and what is left. None: parallel there.
     """
     x = [[Fraction(float(c)) for c in point] for point in query]
     path = [[[a, b - a] for a, b in zip(x[k], x[k + 4])] for k in range(4)]
-    q, u, v = (_minus(path[k], path[1]) for k in (0, 2, 3))
+    q, u, v = (_minus(path[k], path[m]) for k, m in ([(2, 0), (1, 0), (3, 2)] if edges else [(0, 1), (2, 1), (3, 1)]))
     n = _cross(u, v)
     f = _dot(q, n)
-    weights = [_dot(_cross(q, v), n), _dot(_cross(u, q), n)]
-    weights.append(_add(_dot(n, n), [-a for a in _add(*weights)]))
+    if edges:
+        weights = [_dot(_cross(q, v), n), _dot(_cross(q, u), n)]
+        weights += [_add(_dot(n, n), [-a for a in w]) for w in weights]
+    else:
+        weights = [_dot(_cross(q, v), n), _dot(_cross(u, q), n)]
+        weights.append(_add(_dot(n, n), [-a for a in _add(*weights)]))
     times = _times(_trim(f), [_trim(w) for w in weights])
     signs = [[_sign_at(_trim(p), time) for p in (*weights, _dot(n, n))] for time in times]
     if any(area > 0 and min(w) >= 0 for *w, area in signs):
