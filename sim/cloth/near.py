@@ -73,9 +73,33 @@ class Near:
         near = apart.norm_sqr() < most * most
         if near:
             q, u, v = spanned(kind, a, b, c, d)
-            n = u.cross(v)
-            near = ti.abs(q.dot(n)) <= most * n.norm()
+            near = ti.abs(q.dot(u.cross(v))) <= most * u.cross(v).norm() and not self._beside(kind, q, u, v, most)
         return near
+
+    @ti.func
+    def _beside(self, kind, q, u, v, most):
+        """Whether seen along u x v they lie farther apart than `most`: beyond a side of the triangle, or of an edge.
+
+        A flat sheet's boxes alone touch 2 to 6 times a node; its parts lie a spacing apart.
+        """
+        n = u.cross(v)
+        beside = False
+        for side in range(3):
+            from_side, along, over = q, u, q
+            if side == 1:
+                along = -v
+            if kind == EDGES:
+                over = q + v if side == 0 else q - u
+            elif side == 2:
+                from_side, along = q - u, v - u
+                over = from_side
+            if kind != EDGES or side < 2:
+                inward = n.cross(along)
+                one, other, far = from_side.dot(inward), over.dot(inward), most * inward.norm()
+                beside = beside or ti.max(one, other) < -far
+                if kind == EDGES:
+                    beside = beside or ti.min(one, other) > far
+        return beside
 
     @ti.kernel
     def _gather(self, partner: ti.template(), room: ti.i32, mask: ti.template()) -> ti.i32:
