@@ -262,6 +262,7 @@ class Pin(Model):
     )
     clip: float = quantity("15 mm", "length", ge=0, why="a clip, not a point: a point pin strains without bound")
     path: Path | None = Field(None, description="absent = it stays; its centre: absent = the middle of what it holds")
+    force: float | None = quantity(None, "force", gt=0, why="gives way to a stronger pull; absent = goes its way")
 
     @field_validator("where", mode="before")
     @classmethod
@@ -272,6 +273,12 @@ class Pin(Model):
             return tuple((int(i), int(j)) for i, j in value)
         words = ", ".join(f'"{word}"' for word in WORDS)
         raise fault(f"choose {words} or a list of nodes such as [[0, 0], [40, 0]]")
+
+    @model_validator(mode="after")
+    def _moves(self) -> Pin:
+        if self.force is not None and self.path is None:
+            raise fault("force: a clip without a path stays where it is; leave it out")
+        return self
 
 
 def _is_node(value: Any) -> bool:

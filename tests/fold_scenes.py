@@ -51,16 +51,19 @@ def clap(method, frames):
 
 
 def curtain():
-    """(farthest that a held node is from its place on the path [m], waiting included; largest strain)"""
-    world = open_world("curtain", quick=True)
+    """(farthest that a held node is from its clip's place, waiting and giving way included [m]; time on the path;
+    largest strain; how far the last clip, drawn outward, has given way [m] and what pulls it [N], wanted 2 N)"""
+    outward = "cloth.pins.f.path.shift=[[0, 0, 0], [0.3, 0, 0], [0.3, 0, 0], [0.3, 0, 0]]"
+    world = open_world("curtain", outward, 'cloth.pins.f.force="2 N"', quick=True)
     clips, worst, strain = world.build.parts["clips"], 0.0, 0.0
     for _ in range(4):
         x = world.advance().cloth_x
-        now = float(world.state["cloth.clips.time"][0])
-        for grip in clips.grips:
-            worst = max(worst, np.abs(x[grip.nodes] - grip.place(now)).max())
+        now, given = float(world.state["cloth.clips.time"][0]), world.state["cloth.clips.give"].to_numpy()
+        for n, grip in enumerate(clips.grips):
+            worst = max(worst, np.abs(x[grip.nodes] - grip.place(now) - given[n]).max())
         strain = max(strain, world.build.parts["cloth"].max_strain())
-    return float(worst), now, strain
+    pull = float(np.linalg.norm(clips.pull(len(clips.grips) - 1, x.astype(float))))
+    return float(worst), now, strain, -float(given[n][0]), pull
 
 
 def blown(wind):

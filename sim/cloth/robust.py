@@ -1,5 +1,7 @@
 """Self contact that holds: a thickness and friction within the substeps, and a last step that cannot be passed."""
 
+import math
+
 import numpy as np
 import taichi as ti
 
@@ -10,7 +12,7 @@ from sim.cloth.patch_pairs import PatchPairs
 from sim.maths.ccd import EDGES, shares, spanned, within
 from sim.model import Model, quantity
 from sim.registry import register
-from sim.stage import Build
+from sim.stage import Build, Limit
 
 THICKEST = 0.4
 """[spacings] Layers keep no farther apart: nodes two apart must be free to fold."""
@@ -21,6 +23,9 @@ SLACK = 0.5
 """[thickness] Pairs are listed this much before they touch, for what velocities at a step's start do not tell."""
 OVERHANG = 0.05
 """[1] A node this far beside a triangle, or an edge's end, still counts: no gap is left between two triangles."""
+COURANT = 0.5
+"""[spacings] No node moves farther in a step against the sheet's mean: what whips by several meshes at a time is caught
+by the last step alone, which tears it back."""
 PARALLEL = 0.01
 """[rad] Edges at less than this have no direction across both; nodes over triangles keep them apart."""
 
@@ -49,7 +54,7 @@ class Robust:
         self.parts, self.friction = build.parts, params.friction
         self.thickness = min(sheet.thickness, THICKEST * sheet.spacing)
         self.x, self.v = build.state["cloth.x"], build.state["cloth.v"]
-        self.shape = sheet.shape
+        self.step_max = COURANT * sheet.spacing
         self.x0 = ti.Vector.field(3, float, shape=len(sheet.x))
         self.fall = float(np.linalg.norm(build.config.space.gravity))
         self.pairs = PatchPairs(sheet, self.x, config.search)
@@ -58,6 +63,12 @@ class Robust:
         self.last = LastStep(build, self.pairs, elements, self.x0, 0.1 * self.thickness)
         build.parts.setdefault("guests", []).append(self)
         build.parts["self_contact"] = self
+
+    def limit(self) -> Limit:
+        """dt <= COURANT a/max |v - mean v|."""
+        v = self.v.to_numpy()
+        fastest = float(np.sqrt(((v - v.mean(0)) ** 2).sum(1).max()))
+        return Limit(self.step_max / fastest if fastest > 0.0 else math.inf, "self contact")
 
     def begin(self, dt: float) -> None:
         """Who may meet whom in this step."""

@@ -13,12 +13,14 @@ from sim.shapes import rotation
 
 @dataclass(frozen=True)
 class Grip:
-    """nodes (k,), x (k, 3) where they are at t = 0 [m], the course, and the point that it turns about [m]."""
+    """nodes (k,), x (k, 3) where they are at t = 0 [m], the course, the point that it turns about [m], and the force
+    that it gives way to [N], None if to none."""
 
     nodes: np.ndarray
     x: np.ndarray
     course: Course
     pivot: np.ndarray
+    force: float | None
 
     def place(self, time: float) -> np.ndarray:
         """(k, 3) places at a time of its path [m]."""
@@ -34,5 +36,5 @@ def build_grips(cloth: Any, sheet: Sheet) -> list[Grip]:
             nodes = np.flatnonzero(clip_nodes({name: pin}, sheet.uv, sheet.shape) >= 0)
             x = sheet.x[nodes]
             pivot = np.array(pin.path.centre) if pin.path.centre else x.mean(0)
-            grips.append(Grip(nodes, x, Course(pin.path), pivot))
+            grips.append(Grip(nodes, x, Course(pin.path), pivot, pin.force))
     return grips
