@@ -50,20 +50,19 @@ def clap(method, frames):
     return max(energies[-10:]) / max(energies), float(moved), found
 
 
-def curtain():
-    """(farthest that a held node is from its clip's place, waiting and giving way included [m]; time on the path;
-    largest strain; how far the last clip, drawn outward, has given way [m] and what pulls it [N], wanted 2 N)"""
-    outward = "cloth.pins.f.path.shift=[[0, 0, 0], [0.3, 0, 0], [0.3, 0, 0], [0.3, 0, 0]]"
-    world = open_world("curtain", outward, 'cloth.pins.f.force="2 N"', quick=True)
+def hands():
+    """Two hands of 3 N turn a towel, one draws outward: (farthest that a held node is from its hand's place, waiting
+    and giving way included [m]; time on the path; largest strain; ways given [m] and pulls [N] of both)."""
+    world = open_world("twist", "cloth.pins.left.path.shift=[[0, 0, 0], [-0.4, 0, 0]]", quick=True)
     clips, worst, strain = world.build.parts["clips"], 0.0, 0.0
-    for _ in range(4):
+    for _ in range(6):
         x = world.advance().cloth_x
         now, given = float(world.state["cloth.clips.time"][0]), world.state["cloth.clips.give"].to_numpy()
         for n, grip in enumerate(clips.grips):
             worst = max(worst, np.abs(x[grip.nodes] - grip.place(now) - given[n]).max())
         strain = max(strain, world.build.parts["cloth"].max_strain())
-    pull = float(np.linalg.norm(clips.pull(len(clips.grips) - 1, x.astype(float))))
-    return float(worst), now, strain, -float(given[n][0]), pull
+    pulls = [float(np.linalg.norm(clips.pull(n, x.astype(float)))) for n in range(2)]
+    return float(worst), now, strain, [float(g[0]) for g in given[:2]], pulls
 
 
 def blown(wind):

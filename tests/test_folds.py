@@ -61,10 +61,10 @@ def test_penalty_claps_and_robust_comes_to_rest():
 
 
 def test_clips_carry_what_they_hold_and_give_way():
-    off, now, strain, given, pull = spawn(scenes.curtain)
-    assert off < 1e-6 and now > 0.3 and strain < 0.105
-    assert given > 0.01
-    assert pull == pytest.approx(2.0, rel=0.3)
+    off, now, strain, given, pulls = spawn(scenes.hands)
+    assert off < 1e-6 and now == pytest.approx(0.6, abs=1e-4) and strain < 0.105
+    assert given[0] > 5e-3 and given[1] < -5e-3
+    assert pulls == pytest.approx([3.0, 3.0], rel=0.4)
 
 
 def test_wind_pushes_as_hard_as_on_a_plate():

@@ -77,10 +77,11 @@ class Clips:
         return ends, self.springs.rest[some], self.springs.stiffness[some]
 
     def pull(self, n: int, x: np.ndarray) -> np.ndarray:
-        """Force of the springs on clip n [N], of nodes at x [m]."""
-        ends, rest, stiffness = self.pulled[n]
+        """Force of the springs on clip n [N], of nodes at x [m]; on one that turns, what of it is along its axis."""
+        (ends, rest, stiffness), along = self.pulled[n], self.grips[n].along
         d = x[ends[:, 1]] - x[ends[:, 0]]
-        return ((stiffness * (1.0 - rest / np.linalg.norm(d, axis=1)))[:, None] * d).sum(0)
+        pull = ((stiffness * (1.0 - rest / np.linalg.norm(d, axis=1)))[:, None] * d).sum(0)
+        return pull if along is None else pull.dot(along) * along
 
     def _yield(self, dt: float) -> None:
         """Clips of limited force give way, or come back."""

@@ -13,14 +13,15 @@ from sim.shapes import rotation
 
 @dataclass(frozen=True)
 class Grip:
-    """nodes (k,), x (k, 3) where they are at t = 0 [m], the course, the point that it turns about [m], and the force
-    that it gives way to [N], None if to none."""
+    """nodes (k,), x (k, 3) where they are at t = 0 [m], the course, the point that it turns about [m], the force that
+    it gives way to [N] (None: to none), and the axis along which it does, if it turns."""
 
     nodes: np.ndarray
     x: np.ndarray
     course: Course
     pivot: np.ndarray
     force: float | None
+    along: np.ndarray | None
 
     def place(self, time: float) -> np.ndarray:
         """(k, 3) places at a time of its path [m]."""
@@ -36,5 +37,6 @@ def build_grips(cloth: Any, sheet: Sheet) -> list[Grip]:
             nodes = np.flatnonzero(clip_nodes({name: pin}, sheet.uv, sheet.shape) >= 0)
             x = sheet.x[nodes]
             pivot = np.array(pin.path.centre) if pin.path.centre else x.mean(0)
-            grips.append(Grip(nodes, x, Course(pin.path), pivot, pin.force))
+            course = Course(pin.path)
+            grips.append(Grip(nodes, x, course, pivot, pin.force, course.axis if pin.path.angle else None))
     return grips
