@@ -11,6 +11,8 @@ APART_PASSES = 6
 """Passes that part crossings one by one; then those left are carried together."""
 PASSES = 60
 """Then the whole sheet waits where it was, for this one step."""
+PARALLEL = 0.01
+"""[rad] Edges at less than this are parted across the first of them."""
 
 
 @ti.data_oriented
@@ -108,10 +110,17 @@ class LastStep:
         q0, u0, v0 = spanned(kind, *self._four(self.x0, four))
         q, u, v = spanned(kind, *self._four(self.x, four))
         n = u.cross(v)
-        n /= ti.max(n.norm(), 1e-30)
-        if q0.dot(u0.cross(v0)) < 0.0:
+        one, two, found = shares(kind, q, u, v)
+        if kind == EDGES and n.norm() <= PARALLEL * u.norm() * v.norm():  # no direction across both: as they lay before
+            n = q0 - q0.dot(u0) / ti.max(u0.dot(u0), 1e-30) * u0
+            one, two = q.dot(u) / ti.max(u.dot(u), 1e-30), 0.0
+            if one < 0.0 or one > 1.0:
+                one, two = (q + v).dot(u) / ti.max(u.dot(u), 1e-30), 1.0
+        elif not found:
+            one, two = 1.0 / 3.0, 1.0 / 3.0
+        elif q0.dot(u0.cross(v0)) < 0.0:
             n = -n
-        one, two, _ = shares(kind, q, u, v)
+        n /= ti.max(n.norm(), 1e-30)
         one, two = ti.min(ti.max(one, 0.0), 1.0), ti.min(ti.max(two, 0.0), 1.0)
         w = ti.Vector([1.0, 0.0, 0.0, 0.0], ti.f64)
         if kind == EDGES:
