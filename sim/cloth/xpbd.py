@@ -76,14 +76,14 @@ class Xpbd:
         self.measure = Measure(sheet, self.x, self.v, self.mass)
         self.clips_move = "clips" in build.parts
         self.guests = build.parts.setdefault("guests", [])
-        self.limit = getattr(build.parts.get("self_contact"), "limit", None)
+        self.step_limit = getattr(build.parts.get("self_contact"), "limit", None)
         self.simulated, self.substeps = 0.0, 0
 
     def stages(self) -> tuple[Stage, ...]:
         """One: the sheet, and what touches it, over dt."""
         reads = self.rows + tuple(name for guest in self.guests for name in guest.reads)
         writes = ("cloth.x", "cloth.v") + tuple(name for guest in self.guests for name in guest.writes)
-        return (Stage(f"cloth.{self.name}", "cloth", self.run, reads, writes, self.limit),)
+        return (Stage(f"cloth.{self.name}", "cloth", self.run, reads, writes, self.step_limit),)
 
     def run(self, dt: float) -> None:
         """dt seconds in ceil(dt/substep_max) equal substeps."""
