@@ -3,8 +3,9 @@
 import fold_scenes as scenes
 import numpy as np
 import pytest
-from exact_ccd import meets
 from spawned import spawn
+
+from sim.studies.exact_ccd import meets
 
 
 @pytest.fixture(scope="module")
