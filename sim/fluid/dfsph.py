@@ -38,14 +38,14 @@ class Dfsph:
         Row("fluid.dfsph.kappa_way", "f", "m^5/(kg s^2)", "the same, of the way beyond it"),
         Row("fluid.dfsph.diagonal", "f", "kg^2/m^8", "how much own kappa changes D rho/Dt", saved=False),
         Row("fluid.dfsph.guess", "f", "m^5/(kg s^2)", "kappa ahead of its iteration", saved=False),
-        Row("fluid.dfsph.velocity", "v", "m/s", "v + dt a of the solve under way; x moves with the last", saved=False),
     )
 
     def __init__(self, build: Build, params: Params, terms: tuple = ()):
         self.params = params
         self.state, self.pairs, self.walls = build.state, build.parts["pairs"], build.parts["walls"]
         self.x, self.v, self.mass, self.density, _, self.pressure_acceleration = (build.state[n] for n in self.rows)
-        self.kappa, self.kappa_way, self.diagonal, self.guess, self.u = (build.state[row.name] for row in self.scratch)
+        self.kappa, self.kappa_way, self.diagonal, self.guess = (build.state[row.name] for row in self.scratch)
+        self.u = ti.Vector.field(4, float, shape=max(build.state.sizes["fluid"], 1))
         self.support = build.config.fluid.support
         self.rest_density = build.config.fluid.liquid.rest_density
         self.motion = Motion(build, terms, params.cfl, way=self.u)
@@ -81,19 +81,18 @@ class Dfsph:
     def _measure(self, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
         for i in range(self.state.count[None]):
             m = self.mass[i]
-            rho, spread = self.pairs.self_weight * m, 0.0
-            total = ti.Vector([0.0, 0.0, 0.0])
+            total, spread = ti.Vector([0.0, 0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0, 0.0])
             for k in range(self.pairs.start[i], self.pairs.stop[i]):
-                rho += weight[k]
-                total += gradient[k]
-                spread += gradient[k].norm_sqr() * self.pairs.inverse_mass[neighbour[k]]
-            self.density[i] = rho + self.walls.meet(i)
-            self.diagonal[i] = (total + self.walls.gradient[i]).norm_sqr() + m * spread
+                both = self.pairs.both(k, weight, gradient)
+                total += both
+                spread += both * both * self.pairs.inverse_mass[neighbour[k]]
+            self.density[i] = self.pairs.self_weight * m + total[3] + self.walls.meet(i)
+            self.diagonal[i] = (total.xyz + self.walls.gradient[i]).norm_sqr() + m * spread.xyz.sum()
 
     @ti.func
     def take(self, i, dt):
         """v from the solve; walls rub where they pushed."""
-        u = self.u[i]
+        u = self.u[i].xyz
         self.pressure_acceleration[i] = (u - self.v[i]) / dt
         if ti.static(self.walls.rough):
             u = self.walls.slow(i, u, dt * self.kappa[i] * self.walls.gradient[i].norm())

@@ -13,7 +13,8 @@ from sim.state import Row
 class SymplecticEuler:
     """v += dt a, then x += dt v: the new velocity moves the particle. Stable to dt = 2/omega, undamped.
 
-    way: field [m/s] of a method that moves particles by another velocity than the one they keep, else None.
+    way: field [m/s] of a method that moves particles by another velocity than the one they keep, else None; of its
+    entries x, y, z count.
     """
 
     class Params(Model):
@@ -36,9 +37,10 @@ class SymplecticEuler:
     def move(self, i, dt):
         """x and v of particle i, kept out of solids; v loses what a solid took from the way."""
         if ti.static(self.own_way):
-            x, u = self.walls.move(i, self.way[i], dt)
+            way = self.way[i].xyz
+            x, u = self.walls.move(i, way, dt)
             self.x[i] = x
-            self.v[i] += u - self.way[i]
+            self.v[i] += u - way
         else:
             self.x[i], self.v[i] = self.walls.move(i, self.v[i], dt)
 

@@ -5,7 +5,7 @@ import taichi as ti
 from sim.crew import BLOCK, Crew
 from sim.maths.kernels import largest_eigenvalue
 
-DEMAND, BEGIN, PUSH, RELAX, TAKE = range(5)
+START, DEMAND, PUSH, RELAX, AGAIN, TAKE = range(6)
 """Phases of the work: see Projection."""
 WORST = 0.03
 """[1] No particle may be left with more than this to correct: two drops that met are nothing in the mean, and go on
@@ -28,13 +28,13 @@ class Projection:
     Projected Jacobi, run ahead by Nesterov's momentum, which starts anew where it points against the residual
     (O'Donoghue & Candes 2015): half of Jacobi's iterations at a tolerance of 1e-4. Twice a step, see Dfsph:
 
-        DEMAND, BEGIN, (PUSH, RELAX) ..., TAKE     of the velocity
-                BEGIN, (PUSH, RELAX) ...           of the way
+        START, DEMAND, (PUSH, RELAX) ...     of the velocity
+        TAKE, (PUSH, RELAX) ...              of the way
 
     Where particles clump (light ones, soaked half away), the lattice's step is too long and the residual grows: then
-    a solve starts anew from no pressure at all, with half the step.
-    owner: has rows v, u, kappa, kappa_way, guess, density, diagonal, its params, and the pairs and walls; u is left at
-    the way, v at the velocity.
+    a solve starts AGAIN from no pressure at all, with half the step.
+    owner: has rows v, kappa, kappa_way, guess, density, diagonal, its params, the pairs and walls, and u, of four
+    numbers: x, y, z, and one that does not count. u is left at the way, v at the velocity.
     """
 
     def __init__(self, owner):
@@ -45,6 +45,7 @@ class Projection:
         p = owner.params
         self.warm, self.iterations_max = p.warm_start, p.iterations_max
         self.share, self.density_error = p.divergence_error, p.density_error
+        self.sums = ti.Vector.field(4, float, shape=max(owner.state.sizes["fluid"], 1))
         self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-owner.state.sizes["fluid"] // BLOCK), 1))
         self.phase, self.way, self.fresh, self.age = (ti.field(ti.i32, ()) for _ in range(4))
         self.iterations = ti.field(ti.i32, 2)
@@ -58,7 +59,8 @@ class Projection:
     @ti.func
     def begin(self):
         """Before the first phase."""
-        self.phase[None], self.way[None] = DEMAND, 0
+        self.phase[None] = START
+        self._enter(0)
 
     @ti.func
     def count(self):
@@ -72,17 +74,21 @@ class Projection:
         total, worst = ti.Vector([0.0, 0.0]), 0.0
         for i in range(first, end):
             if phase == PUSH:
-                self._push(i, dt, neighbour, gradient)
-            elif phase == RELAX:
-                one = self._relax(i, way, dt, neighbour, gradient)
-                total += one
-                worst = ti.max(worst, one[0])
-            elif phase == DEMAND:
-                rate = ti.max(self._rate(self.o.v, i, neighbour, gradient), 0.0)
-                total[0] += rate * dt / self.o.rest_density
-            elif phase == TAKE:
-                self.o.take(i, dt)
+                self._push(i, dt, neighbour, weight, gradient)
+            elif phase == RELAX or phase == DEMAND:
+                rate = self._rate(i, neighbour, weight, gradient)
+                if phase == RELAX:
+                    one = self._relax(i, way, dt, rate)
+                    total += one
+                    worst = ti.max(worst, one[0])
+                else:
+                    total[0] += ti.max(rate, 0.0) * dt / self.o.rest_density
             else:
+                if phase == TAKE:
+                    self.o.take(i, dt)
+                elif phase == START:
+                    v = self.o.v[i]
+                    self.o.u[i] = ti.Vector([v[0], v[1], v[2], 0.0])
                 self._begin(i, way)
         self.partial[block] = ti.Vector([total[0], total[1], worst])
 
@@ -90,32 +96,33 @@ class Projection:
     def decide(self):
         """What comes next; whether anything does."""
         phase, way, more = self.phase[None], self.way[None], True
-        if phase == DEMAND:
+        if phase == START:
+            self.phase[None] = DEMAND
+        elif phase == DEMAND:
             asked = self.share * self._mean()[0]
             self.tolerance[None] = ti.math.clamp(asked, ti.f64(FINEST), ti.f64(COARSEST))
-            self._enter(0)
-        elif phase == TAKE:
-            self.tolerance[None] = self.density_error
-            self._enter(1)
-        elif phase == BEGIN:
             self.phase[None] = PUSH
         elif phase == PUSH:
             self.phase[None] = RELAX
+        elif phase != RELAX:
+            self.phase[None] = PUSH
         elif not self._again(way):
-            self.phase[None] = TAKE
             more = way == 0
+            if more:
+                self.phase[None], self.tolerance[None] = TAKE, self.density_error
+                self._enter(1)
         return more
 
     @ti.func
     def _enter(self, way):
-        """Begin a solve."""
+        """A solve's first iteration is ahead, from the last pressure if that is to be had."""
         self.way[None], self.iterations[way] = way, 0
-        self._start(self.relaxation, 0 if ti.static(self.warm) else 1)
+        self._restart(self.relaxation, 0 if ti.static(self.warm) else 1)
 
     @ti.func
-    def _start(self, step, fresh):
-        """From the last pressure, or `fresh` from none."""
-        self.phase[None], self.age[None], self.fresh[None] = BEGIN, 0, fresh
+    def _restart(self, step, fresh):
+        """With a step, from the last pressure, or `fresh` from none."""
+        self.age[None], self.fresh[None] = 0, fresh
         self.step[None], self.first[None] = step, 1e30
 
     @ti.func
@@ -130,7 +137,8 @@ class Projection:
         if more:
             self.phase[None] = PUSH
             if not left <= GROWTH * self.first[None] and self.step[None] > SHORTEST * self.relaxation:
-                self._start(0.5 * self.step[None], 1)
+                self.phase[None] = AGAIN
+                self._restart(0.5 * self.step[None], 1)
         return more
 
     @ti.func
@@ -145,13 +153,13 @@ class Projection:
         return ti.Vector([left[0], left[1], worst])
 
     @ti.func
-    def _rate(self, u: ti.template(), i, neighbour: ti.template(), gradient: ti.template()):
+    def _rate(self, i, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
         """D rho_i/Dt of velocities u, of solids that move too."""
-        own = u[i]
-        rate = self.o.walls.rate(i, own)
+        own, total = self.o.u[i], ti.Vector([0.0, 0.0, 0.0, 0.0])
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
-            rate += (own - u[neighbour[k]]).dot(gradient[k])
-        return rate
+            total += (own - self.o.u[neighbour[k]]) * self.pairs.both(k, weight, gradient)
+        self.sums[i] = total  # four numbers stored are four that the compiler sums at once
+        return self.o.walls.rate(i, own.xyz) + total[0] + total[1] + total[2]
 
     @ti.func
     def _kappa(self, i, way):
@@ -169,26 +177,26 @@ class Projection:
 
     @ti.func
     def _begin(self, i, way):
-        if self.fresh[None]:
+        if self.fresh[None] == 1:
             self._keep(i, way, 0.0)
         self.o.guess[i] = self._kappa(i, way)
 
     @ti.func
-    def _push(self, i, dt, neighbour: ti.template(), gradient: ti.template()):
+    def _push(self, i, dt, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
         """u = v + dt a,  a_i = -sum_j m_j (kappa_i + kappa_j) grad W_ij - kappa_i rho0 grad lambda_i."""
-        own = self.o.guess[i]
-        a = own * self.o.walls.gradient[i]
+        own, v = self.o.guess[i], self.o.v[i]
+        wall = own * self.o.walls.gradient[i]
+        a = ti.Vector([wall[0], wall[1], wall[2], 0.0])
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
-            a += (own + self.o.guess[neighbour[k]]) * gradient[k]
-        self.o.u[i] = self.o.v[i] - dt * a
+            a += (own + self.o.guess[neighbour[k]]) * self.pairs.both(k, weight, gradient)
+        self.o.u[i] = ti.Vector([v[0], v[1], v[2], 0.0]) - dt * a
 
     @ti.func
-    def _relax(self, i, way, dt, neighbour: ti.template(), gradient: ti.template()):
+    def _relax(self, i, way, dt, rate):
         """kappa_i by its residual rate - (rho0 - rho)/dt; |what that corrects| dt/rho0, and momentum's turn.
 
         The way takes density errors back; the velocity stops compression alone.
         """
-        rate = self._rate(self.o.u, i, neighbour, gradient)
         rho0, diagonal = self.o.rest_density, ti.max(self.o.diagonal[i], 1e-20)
         lack = (rho0 - self.o.density[i]) / dt
         if way == 0:
