@@ -18,6 +18,7 @@ class Bodies:
     """Every primitive of the scene, as fields; one for water and cloth: Bodies.of(build).
 
     distance(s, x)   (outward normal, signed distance [m]) of solid s at x
+    beside(s, r)     how far r, from its centre, at least is from solid s [m]: from its box; of a plane -inf
     velocity(s, x)   of the solid's material at x [m/s], over the step under way
     count, moves     how many there are; whether any has a path
     friction[s]      Coulomb's
@@ -33,7 +34,9 @@ class Bodies:
         rows = max(self.count, 1)
         self.shape = ti.field(ti.i32, shape=rows)
         self.friction = ti.field(float, shape=rows)
-        self.half, self.centre, self.linear, self.angular = (ti.Vector.field(3, float, shape=rows) for _ in range(4))
+        self.half, self.centre, self.box, self.linear, self.angular = (
+            ti.Vector.field(3, float, shape=rows) for _ in range(5)
+        )
         self.turn = ti.Matrix.field(3, 3, float, shape=rows)
         self.shape.from_numpy(np.array([SHAPES.index(p.shape) for p in primitives] or [0], np.int32))
         self.friction.from_numpy(np.array([p.friction for p in primitives] or [0.0]))
@@ -97,12 +100,19 @@ class Bodies:
     def _place(self, poses: ti.types.ndarray(), motion: ti.types.ndarray(), moved: ti.i32):
         ti.loop_config(serialize=True)
         for s in range(self.count):
+            self.box[s] = tm.vec3(float("inf") if self.shape[s] == PLANE else 0.0)
             for d in ti.static(range(3)):
                 self.centre[s][d] = poses[s, 0, d]
                 for e in ti.static(range(3)):
                     self.turn[s][d, e] = poses[s, 1 + d, e]
+                    self.box[s][d] += ti.abs(self.turn[s][d, e]) * self.half[s][e]
                 if moved == 1:
                     self.linear[s][d], self.angular[s][d] = motion[s, 0, d], motion[s, 1, d]
+
+    @ti.func
+    def beside(self, s, r):
+        """At least this far from solid s is the point r from its centre [m]: a few subtractions spare `distance`."""
+        return (ti.abs(r) - self.box[s]).max()
 
     @ti.func
     def inside(self, s, x):

@@ -16,6 +16,12 @@ SHORTEST = 0.1
 """[1] Of the lattice's step: four halvings."""
 SAFETY = 0.6
 """Of Jacobi's largest step on the lattice (0.46 at support 2): disordered water and surfaces bear a little less."""
+HEADSTART = 3.0
+"""Iterations of momentum that a solve has from its second on: it begins near its end, where Nesterov's slow start only
+costs. 0 takes a seventh more iterations; far more do not take fewer."""
+CARRIED = 0.85
+"""[1] Of the last step's pressure of the way, what a solve starts from: errors that it met are gone, so all of it would
+be too much, and take iterations to go. 1: a third more of them, and errors of density a quarter smaller."""
 FINEST, COARSEST = 2e-6, 1e-3
 """[1] No mean residual of the velocity is asked to be below this, which is all that single precision knows, nor allowed
 to be above that."""
@@ -177,9 +183,13 @@ class Projection:
 
     @ti.func
     def _begin(self, i, way):
+        start = self._kappa(i, way)
+        if way == 1:
+            start *= CARRIED
         if self.fresh[None] == 1:
-            self._keep(i, way, 0.0)
-        self.o.guess[i] = self._kappa(i, way)
+            start = 0.0
+        self._keep(i, way, start)
+        self.o.guess[i] = start
 
     @ti.func
     def _push(self, i, dt, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
@@ -201,10 +211,12 @@ class Projection:
         lack = (rho0 - self.o.density[i]) / dt
         if way == 0:
             lack = ti.max(lack, 0.0)
-        step, age = ti.cast(self.step[None], float), ti.cast(self.age[None], float)
+        step, ahead = ti.cast(self.step[None], float), 0.0
+        if self.age[None] > 0:
+            ahead = (self.age[None] + HEADSTART) / (self.age[None] + HEADSTART + 1.0)
         old, guess = self._kappa(i, way), self.o.guess[i]
         new = ti.max(guess + step * (rate - lack) / (dt * diagonal), 0.0)
         self._keep(i, way, new)
-        self.o.guess[i] = ti.max(new + age / (age + 3.0) * (new - old), 0.0)
+        self.o.guess[i] = ti.max(new + ahead * (new - old), 0.0)
         left = diagonal * dt * dt / rho0
         return ti.Vector([ti.abs(new - guess) * left / step, (guess - new) * (new - old) * left])

@@ -60,6 +60,11 @@ class Walls:
         return self.bodies.distance(s, x)
 
     @ti.func
+    def nearer(self, s, x, reach):
+        """May solid s, or its image, be nearer than `reach` to x?"""
+        return self.bodies.beside(s, self.torus.nearest(x - self.bodies.centre[s])) < reach
+
+    @ti.func
     def meet(self, i):
         """rho0 lambda [kg/m^3] of all solids at x_i; keeps gradient[i], the friction, and how the solids move."""
         return self.meet_at(i, self.x[i])
@@ -97,20 +102,21 @@ class Walls:
         share, gradient, friction, most = 0.0, tm.vec3(0.0), 0.0, 0.0
         swept, carried = 0.0, tm.vec3(0.0)
         for s in range(self.count):
-            nd = self.distance(s, x)
-            if nd[3] + self.offset < self.reach:
-                part, slope = self.kernel.wall(nd[3] + self.offset, self.reach)
-                towards = slope * nd.xyz
-                cosine = 0.0
-                if share > 0.0:
-                    cosine = gradient.dot(towards) / ti.max(gradient.norm() * ti.abs(slope), 1e-30)
-                both, by_share, by_part = self._overlap(share, part, cosine)
-                share += part - both
-                gradient = (1.0 - by_share) * gradient + (1.0 - by_part) * towards
-                u = self.bodies.velocity(s, x)
-                swept = (1.0 - by_share) * swept + (1.0 - by_part) * towards.dot(u)
-                if part > most:
-                    most, friction, carried = part, self.bodies.friction[s], u
+            if self.nearer(s, x, self.reach - self.offset):
+                nd = self.distance(s, x)
+                if nd[3] + self.offset < self.reach:
+                    part, slope = self.kernel.wall(nd[3] + self.offset, self.reach)
+                    towards = slope * nd.xyz
+                    cosine = 0.0
+                    if share > 0.0:
+                        cosine = gradient.dot(towards) / ti.max(gradient.norm() * ti.abs(slope), 1e-30)
+                    both, by_share, by_part = self._overlap(share, part, cosine)
+                    share += part - both
+                    gradient = (1.0 - by_share) * gradient + (1.0 - by_part) * towards
+                    u = self.bodies.velocity(s, x)
+                    swept = (1.0 - by_share) * swept + (1.0 - by_part) * towards.dot(u)
+                    if part > most:
+                        most, friction, carried = part, self.bodies.friction[s], u
         return share, gradient, friction, swept, carried
 
     @ti.func
@@ -155,10 +161,11 @@ class Walls:
     @ti.func
     def _out(self, x, v):
         for s in range(self.count):
-            nd = self.distance(s, x)
-            missing = CLEAR * self.spacing - nd[3]
-            if missing > 0.0:
-                into = ti.min((v - self.bodies.velocity(s, x)).dot(nd.xyz), 0.0)
-                x += missing * nd.xyz
-                v -= into * nd.xyz
+            if self.nearer(s, x, CLEAR * self.spacing):
+                nd = self.distance(s, x)
+                missing = CLEAR * self.spacing - nd[3]
+                if missing > 0.0:
+                    into = ti.min((v - self.bodies.velocity(s, x)).dot(nd.xyz), 0.0)
+                    x += missing * nd.xyz
+                    v -= into * nd.xyz
         return x, v
