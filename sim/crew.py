@@ -34,11 +34,11 @@ class Crew:
         self.turns = TURNS * min(settings.get("threads", 1), runtime.cores())
         self.ticket, self.done, self.over = (ti.field(ti.i32, ()) for _ in range(3))
 
-    def run(self, job, dt: float, neighbour, weight, gradient) -> None:
+    def run(self, job, dt: float, neighbour, weight, slope) -> None:
         """All phases of a job, over pairs (see sim.fluid.pairs), which grow now and then and so are handed in."""
-        more = self._run(job, 1, dt, neighbour, weight, gradient)
+        more = self._run(job, 1, dt, neighbour, weight, slope)
         while more:
-            more = self._run(job, 0, dt, neighbour, weight, gradient)
+            more = self._run(job, 0, dt, neighbour, weight, slope)
 
     @ti.kernel
     def _run(
@@ -48,7 +48,7 @@ class Crew:
         dt: float,
         neighbour: ti.template(),
         weight: ti.template(),
-        gradient: ti.template(),
+        slope: ti.template(),
     ) -> ti.i32:
         """All phases, or one where there is no crew; whether there are more."""
         if begin:
@@ -64,13 +64,13 @@ class Crew:
                         block = self._take(blocks)
                         if block >= 0:
                             first, end = block * BLOCK, ti.min((block + 1) * BLOCK, count)
-                            job.block(block, first, end, dt, neighbour, weight, gradient)
+                            job.block(block, first, end, dt, neighbour, weight, slope)
                             if ti.atomic_add(self.done[None], 1) + 1 == blocks:
                                 self._close(job)
         else:
             for block in range(blocks):
                 first, end = block * BLOCK, ti.min((block + 1) * BLOCK, count)
-                job.block(block, first, end, dt, neighbour, weight, gradient)
+                job.block(block, first, end, dt, neighbour, weight, slope)
             ti.loop_config(serialize=True)
             for _ in range(1):
                 self._close(job)

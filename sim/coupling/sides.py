@@ -22,7 +22,7 @@ class Sides:
         self.sheet.begin(self.reach)
         self.boxes.refit(self.sheet.low, self.sheet.high)
         self._find()
-        self._cut(self.pairs.neighbour, self.pairs.weight, self.pairs.gradient)
+        self._cut(self.pairs.neighbour, self.pairs.weight, self.pairs.slope)
 
     @ti.kernel
     def _find(self):
@@ -82,13 +82,13 @@ class Sides:
         return side
 
     @ti.kernel
-    def _cut(self, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
+    def _cut(self, neighbour: ti.template(), weight: ti.template(), slope: ti.template()):
         for i in range(self.count[None]):
             if self.triangle[i] >= 0:
                 for k in range(self.pairs.start[i], self.pairs.stop[i]):
                     if self._separated(i, neighbour[k]):
                         weight[k] = 0.0
-                        gradient[k] = tm.vec3(0.0)
+                        slope[k] = 0.0
 
     @ti.func
     def _separated(self, i, j):

@@ -45,7 +45,8 @@ class Dfsph:
         self.state, self.pairs, self.walls = build.state, build.parts["pairs"], build.parts["walls"]
         self.x, self.v, self.mass, self.density, _, self.pressure_acceleration = (build.state[n] for n in self.rows)
         self.kappa, self.kappa_way, self.diagonal, self.guess = (build.state[row.name] for row in self.scratch)
-        self.u = ti.Vector.field(4, float, shape=max(build.state.sizes["fluid"], 1))
+        capacity = max(build.state.sizes["fluid"], 1)
+        self.u = ti.Vector.field(4, float, shape=capacity)
         self.support = build.config.fluid.support
         self.rest_density = build.config.fluid.liquid.rest_density
         self.motion = Motion(build, terms, params.cfl, way=self.u)
@@ -66,7 +67,7 @@ class Dfsph:
 
     def prepare(self, dt: float) -> None:
         """Density and diagonal."""
-        self._measure(self.pairs.neighbour, self.pairs.weight, self.pairs.gradient)
+        self._measure(self.pairs.neighbour, self.pairs.weight, self.pairs.slope)
 
     def solve(self, dt: float) -> None:
         """Velocity, then way."""
@@ -78,15 +79,19 @@ class Dfsph:
         return self.density[i] ** 2 * self.kappa[i]
 
     @ti.kernel
-    def _measure(self, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
+    def _measure(self, neighbour: ti.template(), weight: ti.template(), slope: ti.template()):
         for i in range(self.state.count[None]):
             m = self.mass[i]
+            place, rho = self.pairs.place[i], self.pairs.self_weight * m
             total, spread = ti.Vector([0.0, 0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0, 0.0])
             for k in range(self.pairs.start[i], self.pairs.stop[i]):
-                both = self.pairs.both(k, weight, gradient)
-                total += both
-                spread += both * both * self.pairs.inverse_mass[neighbour[k]]
-            self.density[i] = self.pairs.self_weight * m + total[3] + self.walls.meet(i)
+                j = neighbour[k]
+                g = slope[k] * self.pairs.beyond(place, j)
+                rho += weight[k]
+                total += g
+                spread += g * g * self.pairs.inverse_mass[j]
+            self.density[i] = rho + self.walls.meet(i)
+            self.u[i] = spread  # what is stored whole is summed whole
             self.diagonal[i] = (total.xyz + self.walls.gradient[i]).norm_sqr() + m * spread.xyz.sum()
 
     @ti.func

@@ -40,7 +40,7 @@ class Motion:
 
     def accelerate(self, dt: float) -> None:
         """acceleration from gravity and terms; v += dt acceleration."""
-        self._accelerate(dt, self.pairs.neighbour, self.pairs.gradient)
+        self._accelerate(dt, self.pairs.neighbour, self.pairs.slope)
 
     def move(self, dt: float) -> None:
         """x by the scene's mover, kept out of solids."""
@@ -53,15 +53,16 @@ class Motion:
         return Limit(self.reach / max(self.fastest(), 1e-12), "water speed")
 
     @ti.kernel
-    def _accelerate(self, dt: float, neighbour: ti.template(), gradient: ti.template()):
+    def _accelerate(self, dt: float, neighbour: ti.template(), slope: ti.template()):
         for i in range(self.state.count[None]):
             a = self.gravity
             if ti.static(len(self.terms) > 0):
                 x = self.x[i]
                 for k in range(self.pairs.start[i], self.pairs.stop[i]):
                     j = neighbour[k]
+                    r = self.pairs.apart(x, j)
                     for term in ti.static(self.terms):
-                        a += term.acceleration(i, j, self.pairs.apart(x, j), gradient[k])
+                        a += term.acceleration(i, j, r, slope[k] * r)
             for term in ti.static(self.wall_terms):
                 a += term.wall_acceleration(i)
             self.acceleration[i] = a

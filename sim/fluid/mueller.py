@@ -75,7 +75,7 @@ class Mueller:
     def solve(self, dt: float) -> None:
         """v += dt times the acceleration of pressure and viscosity."""
         mu = self.rest_density * self.nu * (-1.0 if self.params.printed_viscosity_sign else 1.0)
-        self._push(dt, mu, self.share, self.pairs.neighbour, self.pairs.weight, self.pairs.gradient)
+        self._push(dt, mu, self.share, self.pairs.neighbour, self.pairs.weight, self.pairs.slope)
 
     def suspects(self) -> tuple[Suspect, ...]:
         """Settings that are known to fail, for the guard."""
@@ -118,7 +118,7 @@ class Mueller:
         share: float,
         neighbour: ti.template(),
         weight: ti.template(),
-        gradient: ti.template(),
+        slope: ti.template(),
     ):
         for i in range(self.state.count[None]):
             x, v, rho, own = self.x[i], self.v[i], self.density[i], self.p[i]
@@ -126,12 +126,9 @@ class Mueller:
             for n in range(self.pairs.start[i], self.pairs.stop[i]):
                 if weight[n] > 0.0:
                     j = neighbour[n]
-                    spread = (
-                        self.pairs.scale
-                        * self.mass[j]
-                        * viscosity_laplacian(self.pairs.apart(x, j).norm(), self.support_radius)
-                    )
-                    force = mu * spread * (self.v[j] - v) - 0.5 * (own + self.p[j]) * gradient[n]
+                    r = self.pairs.apart(x, j)
+                    spread = self.pairs.scale * self.mass[j] * viscosity_laplacian(r.norm(), self.support_radius)
+                    force = mu * spread * (self.v[j] - v) - 0.5 * (own + self.p[j]) * slope[n] * r
                     a += share / (rho * self.density[j]) * force
             self.pressure_acceleration[i] = a
         for i in range(self.state.count[None]):

@@ -14,21 +14,21 @@ from sim.state import Row
 class Pairs:
     """Pairs of row i are k = start[i] ... stop[i] - 1, with j = neighbour[k], and
 
-        weight[k]    m_j W_ij        [kg/m^3]   so that rho_i = self_weight m_i + sum_k weight[k] + walls
-        gradient[k]  m_j grad_i W_ij [kg/m^4]   a vector; m_i gradient_ij = -m_j gradient_ji up to rounding
+        weight[k]  m_j W_ij          [kg/m^3]   so that rho_i = self_weight m_i + sum_k weight[k] + walls
+        slope[k]   m_j (dW/dr)/r     [kg/m^5]   m_j grad_i W_ij = slope[k] (x_i - x_j), see `apart` and `beyond`
 
-    Every sweep of the step reads these and never positions, so zeroing both of a pair (and of its mirror) takes it out.
-    All are fields; the two of a pair lie side by side, 16 bytes, for sweeps that take them at once (see `both`).
-    neighbour, weight, gradient are replaced by longer ones when a list does not fit: pass them to
+    Every sweep of the step takes pairs from these, so zeroing both of a pair (and of its mirror) takes it out. Sweeps
+    over much water are as fast as memory is: the places of neighbours lie in the cache, vectors of pairs would not.
+    All are fields. neighbour, weight, slope are replaced by longer ones when a list does not fit: pass them to
     kernels as arguments, fetched from here at each call.
 
         @ti.kernel
-        def cut(self, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
+        def cut(self, neighbour: ti.template(), weight: ti.template(), slope: ti.template()):
             for i in range(count[None]):
                 for k in range(pairs.start[i], pairs.stop[i]):
                     if cut_between(i, neighbour[k]):
                         weight[k] = 0.0
-                        gradient[k] = ti.Vector([0.0, 0.0, 0.0])
+                        slope[k] = 0.0
     """
 
     rows = ("fluid.x", "fluid.mass")
@@ -48,7 +48,8 @@ class Pairs:
         self.support_radius = fluid.support_radius
         self.scale = 1.0 / lattice_shares(self.kernel, fluid.support)[0]
         self.self_weight = self.scale * self.kernel.value(0.0, self.support_radius)
-        self.weight = self.gradient = None
+        self.place = ti.Vector.field(4, float, shape=max(build.state.sizes["fluid"], 1))
+        self.weight = self.slope = None
         build.parts["pairs"] = self
 
     @property
@@ -61,15 +62,14 @@ class Pairs:
         return (Stage("pairs", "sort", lambda dt: self.weigh(), self.rows, ()),)
 
     def weigh(self) -> None:
-        """Fill weight and gradient from positions and masses."""
+        """Fill weight and slope from positions and masses."""
         length = self.neighbour.shape[0]
         if self.weight is None or self.weight.shape[0] != length:
             try:
-                self.weight, self.gradient = ti.field(float), ti.Vector.field(3, float)
-                ti.root.dense(ti.i, length).place(self.gradient, self.weight)
+                self.weight, self.slope = ti.field(float, shape=length), ti.field(float, shape=length)
             except RuntimeError as error:
                 raise CapacityError(f"fluid: no memory for {length} pairs; use a larger spacing") from error
-        self._weigh(self.neighbour, self.weight, self.gradient)
+        self._weigh(self.neighbour, self.weight, self.slope)
 
     @ti.func
     def apart(self, x, j):
@@ -77,10 +77,9 @@ class Pairs:
         return self.torus.nearest(x - self.x[j])
 
     @ti.func
-    def both(self, k, weight: ti.template(), gradient: ti.template()):
-        """(gradient, weight) of pair k as one: a sum of four is taken as fast as one of a single number."""
-        g = gradient[k]
-        return ti.Vector([g[0], g[1], g[2], weight[k]])
+    def beyond(self, place, j):
+        """place - place_j, as `apart`: (x, y, z, 0), since the compiler takes four at once, and three one by one."""
+        return self.torus.nearest(place - self.place[j])
 
     def density(self) -> np.ndarray:
         """sum_j m_j W_ij of the last list [kg/m^3], by true masses and without solids: for the guard, row by row."""
@@ -96,14 +95,14 @@ class Pairs:
             self.total[i] = rho
 
     @ti.kernel
-    def _weigh(self, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
+    def _weigh(self, neighbour: ti.template(), weight: ti.template(), slope: ti.template()):
         for i in range(self.state.count[None]):
             x = self.x[i]
+            self.place[i] = ti.Vector([x[0], x[1], x[2], 0.0])
             self.inverse_mass[i] = 1.0 / self.mass[i]
             for k in range(self.start[i], self.stop[i]):
                 j = neighbour[k]
-                r = self.apart(x, j)
-                distance = r.norm()
+                distance = self.apart(x, j).norm()
                 share = self.scale * self.mass[j]
                 weight[k] = share * self.kernel.value(distance, self.support_radius)
-                gradient[k] = share * self.kernel.slope(distance, self.support_radius) * r
+                slope[k] = share * self.kernel.slope(distance, self.support_radius)

@@ -7,6 +7,7 @@ import numpy as np
 import taichi as ti
 
 from sim.crew import Crew
+from sim.errors import CapacityError
 from sim.fluid.motion import Motion
 from sim.maths.kernels import SmoothingKernel, largest_eigenvalue, lattice_points, lattice_shares
 from sim.registry import register
@@ -82,6 +83,7 @@ class Pbf:
         self.crew = Crew()
         self.phase, self.done = ti.field(ti.i32, ()), ti.field(ti.i32, ())
         self.last = params.iterations - 1
+        self.gradient = None  # m_j grad W of each pair at x + s [kg/m^4]
         self.iterations = {"density": params.iterations}
         build.parts["pressure"] = self
 
@@ -94,7 +96,13 @@ class Pbf:
 
     def solve(self, dt: float) -> None:
         """v such that the density at x + dt v is at most rho0, as far as the iterations get."""
-        self.crew.run(self, dt, self.pairs.neighbour, self.pairs.weight, self.pairs.gradient)
+        neighbour = self.pairs.neighbour
+        if self.gradient is None or self.gradient.shape[0] != neighbour.shape[0]:
+            try:
+                self.gradient = ti.Vector.field(3, float, shape=neighbour.shape[0])
+            except RuntimeError as error:
+                raise CapacityError(f"fluid: no memory for {neighbour.shape[0]} pairs; use a larger spacing") from error
+        self.crew.run(self, dt, neighbour, self.pairs.weight, self.gradient)
 
     def _softest(self, config: Any, stiffness: float) -> float:
         """dt [s] at which the highest block, or DEPTH spacings of water, compress their foot by `compression`."""

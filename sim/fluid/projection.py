@@ -40,7 +40,7 @@ class Projection:
     Where particles clump (light ones, soaked half away), the lattice's step is too long and the residual grows: then
     a solve starts AGAIN from no pressure at all, with half the step.
     owner: has rows v, kappa, kappa_way, guess, density, diagonal, its params, the pairs and walls, and u, of four
-    numbers: x, y, z, and one that does not count. u is left at the way, v at the velocity.
+    numbers: three, and one that stays 0. u is left at the way, v at the velocity.
     """
 
     def __init__(self, owner):
@@ -59,7 +59,7 @@ class Projection:
 
     def solve(self, dt: float) -> tuple[int, int]:
         """Iterations taken, of the velocity and of the way."""
-        self.crew.run(self, dt, self.pairs.neighbour, self.pairs.weight, self.pairs.gradient)
+        self.crew.run(self, dt, self.pairs.neighbour, self.pairs.weight, self.pairs.slope)
         return self.iterations[0], self.iterations[1]
 
     @ti.func
@@ -74,15 +74,15 @@ class Projection:
         return self.o.state.count[None]
 
     @ti.func
-    def block(self, block, first, end, dt, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
+    def block(self, block, first, end, dt, neighbour: ti.template(), weight: ti.template(), slope: ti.template()):
         """A block's share of the phase."""
         phase, way = self.phase[None], self.way[None]
         total, worst = ti.Vector([0.0, 0.0]), 0.0
         for i in range(first, end):
             if phase == PUSH:
-                self._push(i, dt, neighbour, weight, gradient)
+                self._push(i, dt, neighbour, slope)
             elif phase == RELAX or phase == DEMAND:
-                rate = self._rate(i, neighbour, weight, gradient)
+                rate = self._rate(i, neighbour, slope)
                 if phase == RELAX:
                     one = self._relax(i, way, dt, rate)
                     total += one
@@ -159,11 +159,12 @@ class Projection:
         return ti.Vector([left[0], left[1], worst])
 
     @ti.func
-    def _rate(self, i, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
+    def _rate(self, i, neighbour: ti.template(), slope: ti.template()):
         """D rho_i/Dt of velocities u, of solids that move too."""
-        own, total = self.o.u[i], ti.Vector([0.0, 0.0, 0.0, 0.0])
+        own, place, total = self.o.u[i], self.pairs.place[i], ti.Vector([0.0, 0.0, 0.0, 0.0])
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
-            total += (own - self.o.u[neighbour[k]]) * self.pairs.both(k, weight, gradient)
+            j = neighbour[k]
+            total += (own - self.o.u[j]) * self.pairs.beyond(place, j) * slope[k]
         self.sums[i] = total  # four numbers stored are four that the compiler sums at once
         return self.o.walls.rate(i, own.xyz) + total[0] + total[1] + total[2]
 
@@ -192,13 +193,14 @@ class Projection:
         self.o.guess[i] = start
 
     @ti.func
-    def _push(self, i, dt, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
+    def _push(self, i, dt, neighbour: ti.template(), slope: ti.template()):
         """u = v + dt a,  a_i = -sum_j m_j (kappa_i + kappa_j) grad W_ij - kappa_i rho0 grad lambda_i."""
-        own, v = self.o.guess[i], self.o.v[i]
+        own, v, place = self.o.guess[i], self.o.v[i], self.pairs.place[i]
         wall = own * self.o.walls.gradient[i]
         a = ti.Vector([wall[0], wall[1], wall[2], 0.0])
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
-            a += (own + self.o.guess[neighbour[k]]) * self.pairs.both(k, weight, gradient)
+            j = neighbour[k]
+            a += ((own + self.o.guess[j]) * slope[k]) * self.pairs.beyond(place, j)
         self.o.u[i] = ti.Vector([v[0], v[1], v[2], 0.0]) - dt * a
 
     @ti.func

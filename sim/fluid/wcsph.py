@@ -74,7 +74,7 @@ class Wcsph:
 
     def solve(self, dt: float) -> None:
         """v += dt times the pressure's acceleration."""
-        self._push(dt, self.pairs.neighbour, self.pairs.gradient)
+        self._push(dt, self.pairs.neighbour, self.pairs.slope)
 
     @ti.func
     def pressure(self, i):
@@ -91,7 +91,7 @@ class Wcsph:
             self.density[i], self.kappa[i] = rho, pressure / (rho * rho)
 
     @ti.kernel
-    def _push(self, dt: float, neighbour: ti.template(), gradient: ti.template()):
+    def _push(self, dt: float, neighbour: ti.template(), slope: ti.template()):
         for i in range(self.state.count[None]):
             x, v, own = self.x[i], self.v[i], self.kappa[i]
             a = -own * self.walls.gradient[i]
@@ -99,7 +99,7 @@ class Wcsph:
                 j = neighbour[k]
                 r = self.pairs.apart(x, j)
                 approach = ti.min((v - self.v[j]).dot(r), 0.0) / (r.norm_sqr() + 0.01 * self.h * self.h)
-                a -= (own + self.kappa[j] - self.damping * approach) * gradient[k]
+                a -= (own + self.kappa[j] - self.damping * approach) * slope[k] * r
             self.pressure_acceleration[i] = a
         for i in range(self.state.count[None]):
             v = self.v[i] + dt * self.pressure_acceleration[i]

@@ -38,7 +38,7 @@ class Pressure:
 
     def response(self) -> np.ndarray:
         """-sum_j m_j r_ij . grad W_ij/(3 rho_i), (n,): too small within reach of solids and of the surface."""
-        self._respond(self.pairs.neighbour, self.pairs.gradient)
+        self._respond(self.pairs.neighbour, self.pairs.slope)
         return self._living(self.p)
 
     def _living(self, rows) -> np.ndarray:
@@ -51,9 +51,9 @@ class Pressure:
             self.push[i] = self.mass[i] * self.p[i] / self.density[i] ** 2 * self.walls.gradient[i]
 
     @ti.kernel
-    def _respond(self, neighbour: ti.template(), gradient: ti.template()):
+    def _respond(self, neighbour: ti.template(), slope: ti.template()):
         for i in range(self.state.count[None]):
             total = 0.0
             for k in range(self.pairs.start[i], self.pairs.stop[i]):
-                total -= gradient[k].dot(self.pairs.apart(self.x[i], neighbour[k]))
+                total -= slope[k] * self.pairs.apart(self.x[i], neighbour[k]).norm_sqr()
             self.p[i] = total / (3.0 * self.density[i])

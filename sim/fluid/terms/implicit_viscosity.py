@@ -77,7 +77,7 @@ class ImplicitViscosity:
                 self.tie = ti.Vector.field(3, float, shape=neighbour.shape[0])
             except RuntimeError as error:
                 raise CapacityError(f"fluid: no memory for {neighbour.shape[0]} pairs; use a larger spacing") from error
-        self.crew.run(self, dt, neighbour, self.tie, self.pairs.gradient)
+        self.crew.run(self, dt, neighbour, self.tie, self.pairs.slope)
 
     @ti.func
     def begin(self):
@@ -90,12 +90,12 @@ class ImplicitViscosity:
         return self.state.count[None]
 
     @ti.func
-    def block(self, block, first, end, dt, neighbour: ti.template(), tie: ti.template(), gradient: ti.template()):
+    def block(self, block, first, end, dt, neighbour: ti.template(), tie: ti.template(), slope: ti.template()):
         """A block's share of the phase."""
         phase, total = self.phase[None], ti.Vector([0.0, 0.0, 0.0], ti.f64)
         for i in range(first, end):
             if phase == BIND:
-                self._bind(i, dt, neighbour, tie, gradient)
+                self._bind(i, dt, neighbour, tie, slope)
             elif phase == START:
                 total += self._start(i, dt, neighbour, tie)
             elif phase == LOOK:
@@ -154,7 +154,7 @@ class ImplicitViscosity:
         return total
 
     @ti.func
-    def _bind(self, i, dt, neighbour: ti.template(), tie: ti.template(), gradient: ti.template()):
+    def _bind(self, i, dt, neighbour: ti.template(), tie: ti.template(), slope: ti.template()):
         """v*, a first guess of u, the ties, and the particle's block inverted."""
         block = ti.Matrix([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
         slide = ti.Vector([0.0, 0.0, 0.0])
@@ -165,7 +165,7 @@ class ImplicitViscosity:
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
             r = self.pairs.apart(self.x[i], neighbour[k])
             size = r.norm_sqr()
-            strength = -dt * self.factor * gradient[k].dot(r) / ti.max(size * (size + self.soft), 1e-30)
+            strength = -dt * self.factor * slope[k] * size / ti.max(size * (size + self.soft), 1e-30)
             tie[k] = ti.sqrt(ti.max(strength, 0.0)) * r
             block += tie[k].outer_product(tie[k])
         self.inverse[i] = block.inverse()

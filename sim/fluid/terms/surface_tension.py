@@ -76,7 +76,7 @@ class SurfaceTension:
 
     def prepare(self, dt: float) -> None:
         """Where the surface is, and which way it faces."""
-        self._face(self.adhesion, self.pairs.neighbour, self.pairs.gradient)
+        self._face(self.adhesion, self.pairs.neighbour, self.pairs.slope)
 
     @ti.func
     def _slope(self, r, gradient):
@@ -85,14 +85,14 @@ class SurfaceTension:
         return ti.select(gradient.norm_sqr() > 0.0, self.slope * u * u, 0.0)
 
     @ti.kernel
-    def _face(self, adhesion: float, neighbour: ti.template(), gradient: ti.template()):
+    def _face(self, adhesion: float, neighbour: ti.template(), slope: ti.template()):
         for i in range(self.state.count[None]):
             x, g = self.x[i], self._solid(self.x[i])
             self.cling[i] = adhesion * g
             for k in range(self.pairs.start[i], self.pairs.stop[i]):
                 j = neighbour[k]
                 r = self.pairs.apart(x, j)
-                g += self.mass[j] / self.rest_density * self._slope(r, gradient[k]) * r
+                g += self.mass[j] / self.rest_density * self._slope(r, slope[k] * r) * r
             size = g.norm()
             self.pull[i] = (ti.sqrt(size * size + self.faint * self.faint) - self.faint) / ti.max(size, 1e-12) * g
 

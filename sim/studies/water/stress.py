@@ -34,19 +34,19 @@ class Stress:
 
     def read(self) -> np.ndarray:
         """Of each living particle, (n, 3)."""
-        self._read(self.pairs.neighbour, self.pairs.gradient)
+        self._read(self.pairs.neighbour, self.pairs.slope)
         return self.out.to_numpy()[: self.state.count[None]].astype(float)
 
     @ti.kernel
-    def _read(self, neighbour: ti.template(), gradient: ti.template()):
+    def _read(self, neighbour: ti.template(), slope: ti.template()):
         for i in range(self.state.count[None]):
             total = 2.0 * self.v[i] * self.v[i]
             own = self.pressure.pressure(i) / self.density[i] ** 2
             for k in range(self.pairs.start[i], self.pairs.stop[i]):
                 j = neighbour[k]
                 r = self.pairs.apart(self.x[i], j)
-                a = -(own + self.pressure.pressure(j) / self.density[j] ** 2) * gradient[k]
+                a = -(own + self.pressure.pressure(j) / self.density[j] ** 2) * slope[k] * r
                 for term in ti.static(self.terms):
-                    a += term.acceleration(i, j, r, gradient[k])
+                    a += term.acceleration(i, j, r, slope[k] * r)
                 total += a * r
             self.out[i] = 0.5 * self.rest_density * total
