@@ -267,8 +267,8 @@ def _sunk(path: str) -> dict:
 
 
 def _distances(world) -> dict:
-    """Of random points round every solid: the kernel's distance, NumPy's, and how far the kernel's step along its
-    normal leads."""
+    """Of random points round every solid: the kernel's distance, NumPy's, how far the kernel's step along its normal
+    leads, and how far away the kernel takes the point to be at least."""
     import taichi as ti
 
     from sim.bodies import Bodies
@@ -276,7 +276,7 @@ def _distances(world) -> dict:
 
     bodies, primitives = Bodies.of(world.build), world.scene.solids.primitives
     points = ti.Vector.field(3, float, shape=400)
-    out = ti.field(float, shape=(len(primitives), 400, 2))
+    out = ti.field(float, shape=(len(primitives), 400, 3))
 
     @ti.kernel
     def measure(step: float):
@@ -284,6 +284,7 @@ def _distances(world) -> dict:
             nd = bodies.distance(s, points[k])
             out[s, k, 0] = nd[3]
             out[s, k, 1] = bodies.distance(s, points[k] + step * nd.xyz)[3] - nd[3]
+            out[s, k, 2] = bodies.beside(s, points[k] - bodies.centre[s])
 
     found = {}
     for s, p in enumerate(primitives):
@@ -292,7 +293,7 @@ def _distances(world) -> dict:
         points.from_numpy(x.astype(np.float32))
         measure(1e-4)
         d = out.to_numpy()[s]
-        found[p.solid] = (d[:, 0], clearance([p], x), d[:, 1] / 1e-4)
+        found[p.solid] = (d[:, 0], clearance([p], x), d[:, 1] / 1e-4, d[:, 2])
     return found
 
 
@@ -322,11 +323,13 @@ def test_water_starts_and_stays_outside_of_solids(sunk):
 
 @pytest.mark.parametrize("name", ["tank", "ring", "bar", "ball", "lid"])
 def test_kernels_and_numpy_agree_on_distances(sunk, name):
-    kernel, numpy, along = sunk["distances"][name]
+    kernel, numpy, along, least = sunk["distances"][name]
     near = np.abs(numpy) < 0.006
     assert near.sum() > 50
-    assert np.abs(kernel - numpy)[near].max() < (0.0022 if name == "ring" else 1e-6)
+    off = 0.0022 if name == "ring" else 1e-6
+    assert np.abs(kernel - numpy)[near].max() < off
     assert np.median(along[near]) == pytest.approx(1.0, abs=0.05)
+    assert (least < numpy + off).all() and least.max() > 0.003
 
 
 def _busy(path: str) -> dict:
