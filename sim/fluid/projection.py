@@ -19,9 +19,6 @@ SAFETY = 0.6
 HEADSTART = 3.0
 """Iterations of momentum that a solve has from its second on: it begins near its end, where Nesterov's slow start only
 costs. 0 takes a seventh more iterations; far more do not take fewer."""
-CARRIED = 0.85
-"""[1] Of the last step's pressure of the way, what a solve starts from: errors that it met are gone, so all of it would
-be too much, and take iterations to go. 1: a third more of them, and errors of density a quarter smaller."""
 FINEST, COARSEST = 2e-6, 1e-3
 """[1] No mean residual of the velocity is asked to be below this, which is all that single precision knows, nor allowed
 to be above that."""
@@ -185,8 +182,6 @@ class Projection:
     @ti.func
     def _begin(self, i, way):
         start = self._kappa(i, way)
-        if way == 1:
-            start *= CARRIED
         if self.fresh[None] == 1:
             start = 0.0
         self._keep(i, way, start)
