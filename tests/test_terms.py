@@ -81,7 +81,7 @@ def _cube(path: str) -> dict:
     found |= {"after": _roundness(world), "last": _moments(world), "dt": world.clock.time / world.clock.step}
     world.load(start)
     world.clock.obeys = False
-    world.clock.cap = world.clock.cap._replace(seconds=16.0 * limit)
+    world.clock.cap = world.clock.cap._replace(seconds=12.0 * limit)
     try:
         for _ in range(6):
             world.advance()
