@@ -7,7 +7,7 @@ import numpy as np
 from sim.studies.case import Case, Point
 from sim.studies.probe import row
 
-HEAVY = ("cloth.fabric.area_density=11 kg/m^2", "cloth.fabric.porosity=0.05")
+HEAVY = ("cloth.fabric.area_density=11 kg/m^2", "cloth.fabric.porosity=0.05", "cloth.fabric.bending=1e-3 N m")
 
 
 def measure(world: Any) -> dict[str, float]:
