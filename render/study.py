@@ -137,7 +137,7 @@ def _legend(axes, rows, methods: list[str], spacings: list[float], failed: bool)
 
 def _checks(axes, checks: list[tuple]) -> None:
     """A bar a bound: the figure over it, to the line at 1."""
-    shares = [value / bound if bound else math.inf for _, _, value, bound in checks]
+    shares = [value / bound if bound else 0.0 if value <= 0.0 else math.inf for _, _, value, bound in checks]
     least = 1e-2
     for k, ((row, _, value, bound), share) in enumerate(zip(checks, shares)):
         fine = share <= 1.0

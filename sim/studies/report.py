@@ -24,17 +24,21 @@ def verdict(row: Row) -> str:
 def _line(row: Row) -> tuple[str, ...]:
     held = ", ".join(f"{f} {row.get(f) or 'none'} (<= {b:g})" for f, b in bounds(row).items() if f != "error")
     bound = bounds(row).get("error")
-    error = f"{number(row, 'error'):.2%}" if row["error"] else ""
+    error = _percent(number(row, "error")) if row["error"] else ""
     return (
         verdict(row),
         row["id"],
         row["method"] + (" (the report's)" if row["report"] else ""),
         f"{1e3 * number(row, 'spacing'):.3g} mm" if row["spacing"] else "",
         f"{1e3 * number(row, 'dt'):.3g} ms" if row["dt"] else "",
-        error + (f" (<= {bound:.0%})" if bound else ""),
+        error + (f" (<= {_percent(bound)})" if bound is not None else ""),
         f"{number(row, 'seconds_per_simulated_second'):.3g}" if row["seconds_per_simulated_second"] else "",
         row["failure"] or held,
     )
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g}%"
 
 
 def hold(topic: str, rows: list[Row]) -> None:
