@@ -31,7 +31,7 @@ demo: .venv/.ready
 
 test: .venv/.ready
 # Two files at a time, a thread each: nearly all tests run on one. More side by side would want memory.
-	@$(RUN) -m pytest -q -n 2 --dist loadfile tests
+	@$(RUN) -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder tests
 
 # The rivals have a Python of their own: SEEP_PEERS names one that has them, else .venv-peers is made. Without them the
 # bench still times this program.
