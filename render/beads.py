@@ -74,7 +74,7 @@ def shade(
                 p = row(view, 3) + depth_of(key) * away
                 normal = (p - x[i]).normalized(1e-12)
                 lit = ti.max(normal.dot(to_sun), 0.0)
-                if lit > 0.0 and sun_strikes(sun_keys, sun_view, sun_lens, p + spacing * to_sun):
+                if lit > 0.0 and not sun_strikes(sun_keys, sun_view, sun_lens, p + spacing * to_sun):
                     lit = 0.0
                 speed = v[i].norm() / (v[i].norm() + LIVELY)
                 albedo = ti.Vector(SLOW) + speed * (ti.Vector(FAST) - ti.Vector(SLOW))

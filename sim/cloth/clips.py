@@ -41,6 +41,7 @@ class Clips:
         nodes = np.concatenate([grip.nodes for grip in self.grips])
         self.x, self.v = (build.state[n] for n in self.rows)
         self.time, self.give = (build.state[row.name] for row in self.scratch)
+        self.limited = [n for n, grip in enumerate(self.grips) if grip.force is not None]
         self.springs = spring_list(build.scene.sheet)
         self.pulled = [self._springs_of(grip) for grip in self.grips]
         self.nodes = ti.field(ti.i32, len(nodes))
@@ -58,16 +59,18 @@ class Clips:
         self.began = float(self.time[0])
         self.time[0] += dt * self._pace()
         now = float(self.time[0])
-        self.given = self.give.to_numpy()
-        self._yield(dt)
-        given = self.give.to_numpy()
-        places = np.concatenate([g.place(now) + given[n] for n, g in enumerate(self.grips)]).astype(self.real)
-        self._aim(places, dt)
+        places = [grip.place(now) for grip in self.grips]
+        if self.limited:
+            self.given = self.give.to_numpy()
+            self._yield(dt)
+            places = [place + given for place, given in zip(places, self.give.to_numpy())]
+        self._aim(np.concatenate(places).astype(self.real), dt)
 
     def forget(self, dt: float) -> None:
         """Back to where they were on their paths."""
         self.time[0] = self.began
-        self.give.from_numpy(self.given)
+        if self.limited:
+            self.give.from_numpy(self.given)
 
     def _springs_of(self, grip) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(held and free node (s, 2), rest (s,), stiffness (s,)) of the springs between a grip and the sheet."""
@@ -85,9 +88,8 @@ class Clips:
 
     def _yield(self, dt: float) -> None:
         """Clips of limited force give way, or come back."""
-        limited = [n for n, grip in enumerate(self.grips) if grip.force is not None]
-        x = self.x.to_numpy().astype(np.float64) if limited else None
-        for n in limited:
+        x = self.x.to_numpy().astype(np.float64)
+        for n in self.limited:
             pull, given = self.pull(n, x), np.array(self.give[n], np.float64)
             excess = min(float(np.linalg.norm(pull)) / self.grips[n].force - 1.0, 1.0)
             toward = pull if excess > 0.0 else -given

@@ -4,6 +4,7 @@ import taichi as ti
 
 from sim.cloth.elements import Elements
 from sim.cloth.patch_pairs import PatchPairs
+from sim.cloth.zones import join, root
 from sim.errors import DivergedError
 from sim.maths.ccd import EDGES, meets, shares, spanned
 
@@ -155,29 +156,14 @@ class LastStep:
                             if (mask[p * room + k] >> t) & 1:
                                 _kind, four, _fits = self.elements.test(p, q, t)
                                 for e in ti.static(range(1, 4)):
-                                    self._join(four[0], four[e])
+                                    join(self.zone, four[0], four[e])
                                 self.carried[None] += 1
             self._gather()
             for n in range(self.node_count):
-                z = self._root(n)
+                z = root(self.zone, n)
                 if self.free[z] > 1:
                     self.x[n] = self.x0[n] + self.way[z]
                     self.v[n] = self.speed[z] * (self.w[n] > 0.0)
-
-    @ti.func
-    def _root(self, n):
-        r = n
-        while self.zone[r] != r:
-            r = self.zone[r]
-        return r
-
-    @ti.func
-    def _join(self, a, b):
-        """The lower number becomes the root of both."""
-        ra, rb = self._root(a), self._root(b)
-        self.zone[ti.max(ra, rb)] = ti.min(ra, rb)
-        self.zone[ti.max(a, b)] = ti.min(ra, rb)
-        self.zone[ti.min(a, b)] = ti.min(ra, rb)
 
     @ti.func
     def _gather(self):
@@ -185,7 +171,7 @@ class LastStep:
         for n in range(self.node_count):
             self.way[n], self.speed[n], self.total[n], self.free[n] = 0.0, 0.0, 0.0, 0
         for n in range(self.node_count):
-            z = self._root(n)
+            z = root(self.zone, n)
             self.free[z] += 1
             if self.w[n] > 0.0 and self.total[z] < 1e29:
                 m = 1.0 / self.w[n]

@@ -4,6 +4,7 @@ import taichi as ti
 import taichi.math as tm
 
 from sim import runtime
+from sim.cloth.zones import join, root
 from sim.maths.ccd import EXACT, first_hit
 from sim.search.boxes import overlap
 
@@ -191,25 +192,17 @@ class Catch:
                     if self.tie[i] < 0:
                         self.tie[i] = corner[0]
                     for k in range(3):
-                        a, b = self._root(self.tie[i]), self._root(corner[k])
-                        self.zone[ti.max(a, b)] = ti.min(a, b)
+                        join(self.zone, self.tie[i], corner[k])
             self._mean()
             for n in range(self.zone.shape[0]):
-                z = self._root(n)
+                z = root(self.zone, n)
                 if self.size[z] > 1:
                     self.sheet.x[n] = self.sheet.x0[n] + self.way[z]
                     self.node_v[n] = self.speed[z] * (self.node_w[n] > 0.0)
             for i in range(self.state_count[None]):
                 if self.tie[i] >= 0:
-                    z = self._root(self.tie[i])
+                    z = root(self.zone, self.tie[i])
                     self.x[i], self.v[i] = self.x0[i] + self.way[z], self.speed[z]
-
-    @ti.func
-    def _root(self, n):
-        r = n
-        while self.zone[r] != r:
-            r = self.zone[r]
-        return r
 
     @ti.func
     def _mean(self):
@@ -217,14 +210,14 @@ class Catch:
         for n in range(self.zone.shape[0]):
             self.way[n], self.speed[n], self.total[n], self.size[n] = 0.0, 0.0, 0.0, 0
         for n in range(self.zone.shape[0]):
-            z, m = self._root(n), CLIP
+            z, m = root(self.zone, n), CLIP
             if self.node_w[n] > 0.0:
                 m = 1.0 / self.node_w[n]
             self.size[z] += 1
             self._add(z, m, self.sheet.x[n] - self.sheet.x0[n], self.node_v[n])
         for i in range(self.state_count[None]):
             if self.tie[i] >= 0:
-                self._add(self._root(self.tie[i]), self.mass[i], self.x[i] - self.x0[i], self.v[i])
+                self._add(root(self.zone, self.tie[i]), self.mass[i], self.x[i] - self.x0[i], self.v[i])
         for n in range(self.zone.shape[0]):
             self.way[n] = ti.round(self.way[n] / (ti.max(self.total[n], 1e-30) * GRAIN)) * GRAIN
             self.speed[n] /= ti.max(self.total[n], 1e-30)
