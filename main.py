@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -254,25 +252,19 @@ def gallery(
     out: Annotated[Path | None, typer.Option(help="The picture; outputs/gallery/fabrics.png if left out.")] = None,
 ) -> None:
     """Drape every fabric card over the same pedestal, and put the pictures side by side."""
-    from render.gallery import side_by_side
+    from render.gallery import portrait, side_by_side
     from sim.run import OUTPUTS
     from sim.studies import drapes
 
     path, cards, pictures = out or OUTPUTS / "gallery" / "fabrics.png", drapes.cards(), []
     with _progress("gallery", len(cards)) as reach:
         for name, card in cards:
-            picture, coefficient = drapes.hang(name, _portrait)
+            picture, coefficient = drapes.hang(name, portrait)
             pictures.append((drapes.words(name, card, coefficient), picture))
             reach(len(pictures))
     path.parent.mkdir(parents=True, exist_ok=True)
     side_by_side(pictures, path)
     print(path)
-
-
-def _portrait(frame, static):
-    from render.draw import Look, draw
-
-    return draw(frame, Look(size=(640, 600), eye=(0.46, -0.52, 0.50), target=(0.0, 0.0, 0.22)), static)
 
 
 @app.command()
@@ -406,48 +398,22 @@ def _look(config):
     return Look(size=r.size, light=r.light.direction, water=r.look, **camera)
 
 
-@contextmanager
-def _artist(config) -> Iterator[Callable]:
-    """on_frame of a run: a process of its own draws frames while the next are simulated; done when all are drawn."""
-    context = multiprocessing.get_context("spawn")
-    orders = context.Queue()
-    settings = (config.run.arch, 1 if config.run.arch == "cpu" else None, config.run.precision)
-    artist = context.Process(target=_draw_orders, args=(orders, _look(config), settings, os.getpid()), daemon=True)
-    artist.start()
-    try:
-        yield lambda folder, index: orders.put((folder.static, folder.frame(index), folder.image(index)))
-        orders.put(None)
-        artist.join()
-    finally:
-        artist.terminate()
+def _artist(config):
+    """Draws the run's frames, one ordered by its files, while the next are simulated; one thread is enough."""
+    from functools import partial
 
+    from render.artist import artist
+    from sim import runtime
 
-def _draw_orders(orders, look, settings: tuple, parent: int) -> None:
-    """The artist's process: draw what is ordered until None comes, or the parent is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    from queue import Empty
-
-    from render import draw, image
-    from sim import frame, runtime
-
-    runtime.start(*settings)
-    static = None
-    while os.getppid() == parent:
-        try:
-            order = orders.get(timeout=1.0)
-        except Empty:
-            continue
-        if order is None:
-            break
-        static = static or frame.read(order[0], frame.Static)
-        image.write_png(order[2], draw.draw(frame.read(order[1]), look, static))
-    runtime.stop()
+    run = config.run
+    begin = partial(runtime.start, run.arch, 1 if run.arch == "cpu" else None, run.precision)
+    return artist(_look(config), begin, runtime.stop)
 
 
 def _each(draw: Callable | None, reach: Callable[[int], None]) -> Callable:
     def each(folder, index, snapshot):
         if draw:
-            draw(folder, index)
+            draw(folder.static, folder.frame(index), folder.image(index))
         reach(index)
 
     return each

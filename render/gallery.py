@@ -8,12 +8,19 @@ import matplotlib
 import numpy as np
 
 from render.charts import save
+from render.draw import Look, draw
+from sim.frame import Frame, Static
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt  # noqa: E402  (the backend must be chosen first: there may be no display)
 
 WIDTH, LINES = 2.25, 0.45
 """[inch] Of a picture, and of the two lines of text below it."""
+
+
+def portrait(frame: Frame, static: Static) -> np.ndarray:
+    """A cloth over the gallery's pedestal, uint8 (h, w, 3)."""
+    return draw(frame, Look(size=(640, 600), eye=(0.46, -0.52, 0.50), target=(0.0, 0.0, 0.22)), static)
 
 
 def side_by_side(pictures: list[tuple[str, np.ndarray]], path: Path) -> None:

@@ -7,7 +7,16 @@ import pytest
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 
-LONGEST = ("test_seep", "test_folds", "test_mueller", "test_wetting", "test_coupling", "test_fluid", "test_solids")
+LONGEST = (
+    "test_seep",
+    "test_folds",
+    "test_mueller",
+    "test_wetting",
+    "test_coupling",
+    "test_fluid",
+    "test_solids",
+    "test_moving_solids",
+)
 """Of the files. They come first, so that two workers, a file each at a time, end together."""
 
 SMALL = """
