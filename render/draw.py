@@ -80,7 +80,7 @@ class Renderer:
                 spacing = float(static.spacing)
                 self.beads.draw(frame, spacing, view, glass, to_sun, self.keys, self.light, self.image)
             else:
-                self._water(frame, static, view, glass, to_sun)
+                self._water(frame, static, view, glass, to_sun, first_solid)
         if self.solids:
             opaque.overlay_walls(
                 view,
@@ -111,6 +111,7 @@ class Renderer:
             self.solid_triangles = np.ascontiguousarray(static.solid_triangles, np.int32)
             self.dense = 0 if static.solid_opaque is None else int(static.solid_opaque)
             self.backs, self.fronts = (ti.ndarray(ti.i64, self.keys.shape) for _ in range(2))
+            self.inner = ti.ndarray(ti.i64, (*self.keys.shape[:2], 1))
 
     def _place(self, frame: Frame, static: Static) -> None:
         """Where the solids are; their samples are to be taken anew where they have moved."""
@@ -186,19 +187,24 @@ class Renderer:
         self.solid_box = box_of(self.solid_x, view, glass, self.size, 0.0)
         raster.clear(self.backs, 0)
         raster.clear(self.fronts, raster.EMPTY)
+        raster.clear(self.inner, raster.EMPTY)
         clear = self.solid_triangles[self.dense :]
         if len(clear):
             arrays = (self.solid_x, clear, first_solid + self.dense, view, glass)
             raster.rasterise(*arrays, raster.strips(clear), self.fronts, self.backs, 1)
+            raster.rasterise(*arrays, raster.strips(clear), self.inner, self.inner, 2)
 
-    def _water(self, frame: Frame, static: Static, view, glass, to_sun) -> None:
+    def _water(self, frame: Frame, static: Static, view, glass, to_sun, first_solid: int) -> None:
         """Water into self.image, in front of what is there."""
         spacing = float(static.spacing)
         absorption = np.float32(CLEAR if static.fluid_absorption is None else static.fluid_absorption)
         if self.water is None:
             self.water = Water(self.size)
         water, light = self.water, self.light
-        water.surface(frame, spacing, view, glass, self.facets)
+        solids = None
+        if self.solids:
+            solids = (self.solid_x, self.solid_triangles, first_solid, self.fronts, self.inner, self.backs)
+        water.surface(frame, spacing, solids, view, glass, self.facets)
         self.spare.copy_from(self.image)
         shade_water(
             view,

@@ -107,7 +107,8 @@ def rasterise(
     farthest: KEYS,
     walls: ti.i32,
 ):
-    """Nearest fragment of each sample. With `walls`, of front faces only, and the farthest of them as well.
+    """Nearest fragment of each sample; with `walls` 1 of front faces only, and the farthest of them as well, with 2 of
+    back faces only.
 
     `strips` cuts every triangle into bands of rows, so that a few big ones keep all threads busy.
     """
@@ -117,7 +118,8 @@ def rasterise(
         a, b, c = x[corner[0]], x[corner[1]], x[corner[2]]
         box = bounds(a, b, c, view, lens, width, height)
         eye = row(view, 3)
-        shown = walls == 0 or (b - a).cross(c - a).dot(eye - a) > 0
+        front = (b - a).cross(c - a).dot(eye - a) > 0
+        shown = walls == 0 or (front if walls == 1 else not front)
         if shown:
             e = edges(a - eye, b - eye, c - eye)
             along = e @ row(view, 0) / lens[0]

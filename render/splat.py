@@ -21,6 +21,7 @@ OUTLINE = 0.7  # width of the blur of outlines, in that of depths
 VOTE = 4  # pixels about one that decide which of two layers of water it shows
 FRINGE = 24.0  # spacings before a surface within which a ball shows past the edge of what hides its centre
 COUNTS = ti.types.ndarray(dtype=ti.i32, ndim=1)
+PLANES = ti.types.ndarray(dtype=ti.types.vector(4, ti.f32), ndim=1)
 LAYER = ti.types.ndarray(dtype=ti.i32, ndim=2)
 BODY = ti.types.ndarray(dtype=ti.types.vector(2, ti.f32), ndim=2)
 DEPTHS = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -84,6 +85,7 @@ def splat(
     x: POINTS,
     mass: SCALARS,
     company: SCALARS,
+    mirrors: PLANES,
     spacing: ti.f32,
     view: VIEW,
     lens: VEC3,
@@ -92,12 +94,13 @@ def splat(
     cover: LAYER,
     thick: LAYER,
 ):
-    """Add every particle as a ball seen in front of the opaque surfaces.
+    """Add every particle as a ball seen in front of the opaque surfaces, and every mirror image, of which there are as
+    many as mirrors, at the end of x: see `images`.
 
     cover: sum of (R - d)/(2(R - r)), half at a lone ball's edge; thick: mean depth of water along the ray [DEPTH_UNIT].
     """
     height, width = water.shape[0], water.shape[1]
-    for i in range(x.shape[0]):
+    for i in range(x.shape[0] - mirrors.shape[0]):
         at = project(view, lens, x[i])
         if at[2] > 0.01:
             texel = at[2] / lens[0]
@@ -123,6 +126,54 @@ def splat(
                                 ti.atomic_add(cover[py, px], ti.cast(FIXED * edge, ti.i32))
                         q = ti.max(1.0 - d_sq / (spread * spread), 0.0)
                         ti.atomic_add(thick[py, px], ti.cast(peak * q * q, ti.i32))
+
+
+@ti.kernel
+def images(
+    x: POINTS,
+    mass: SCALARS,
+    company: SCALARS,
+    mirrors: PLANES,
+    spacing: ti.f32,
+    view: VIEW,
+    lens: VEC3,
+    facets: FACETS,
+    inner: KEYS,
+    backs: KEYS,
+    water: KEYS,
+    cover: LAYER,
+):
+    """Add the mirror images of the particles that lie on walls: what of such a ball stands out of its wall, or is seen
+    through it, which `lay_on_glass` will push back behind it.
+
+    mirrors: (normal, gap) of the last rows of x, each `gap` [m] behind its wall; inner, backs: see there.
+    """
+    height, width = water.shape[0], water.shape[1]
+    first = x.shape[0] - mirrors.shape[0]
+    for k in range(mirrors.shape[0]):
+        i, plane = first + k, mirrors[k]
+        at = project(view, lens, x[i])
+        if at[2] > 0.01:
+            texel = at[2] / lens[0]
+            radius, outer, _ = ball(mass[i], company[i], spacing, texel)
+            reach = outer / texel
+            x0, x1 = ti.max(ti.cast(at[0] - reach, ti.i32), 0), ti.min(ti.cast(at[0] + reach, ti.i32) + 1, width)
+            y0, y1 = ti.max(ti.cast(at[1] - reach, ti.i32), 0), ti.min(ti.cast(at[1] + reach, ti.i32) + 1, height)
+            for py in range(y0, y1):
+                for px in range(x0, x1):
+                    du, dv = (px + 0.5 - at[0]) * texel, (py + 0.5 - at[1]) * texel
+                    d_sq = du * du + dv * dv
+                    if d_sq < outer * outer:
+                        front = at[2] - ti.sqrt(outer * outer - d_sq) + (outer - radius)
+                        p = row(view, 3) + front * ray(view, lens, px + 0.5, py + 0.5)
+                        stands_out = (p - x[i]).dot(plane.xyz) >= plane[3]
+                        if not stands_out:
+                            leaves = depth_of(inner[py, px, 0])
+                            stands_out = front < leaves < depth_of(backs[py, px, 0])
+                        if stands_out and front < facets[py, px][3]:
+                            ti.atomic_min(water[py, px, 0], pack(front, i))
+                            edge = ti.min(0.5 * (outer - ti.sqrt(d_sq)) / (outer - radius), 1.0)
+                            ti.atomic_add(cover[py, px], ti.cast(FIXED * edge, ti.i32))
 
 
 @ti.func

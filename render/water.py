@@ -5,7 +5,7 @@ import math
 import numpy as np
 import taichi as ti
 
-from render import ripple, splat
+from render import ripple, splat, walls
 from render.camera import BOX, VEC3, VIEW, box_of, ray, row
 from render.light import VOLUME, sky_seen, studio, sun_strikes
 from render.opaque import FACETS, IMAGE
@@ -16,6 +16,7 @@ from render.splat import BODY, DEPTHS, merged_at
 
 GLINT = 9.0  # of the sun in water, over the sun's irradiance
 FOCUS = 0.25  # of (depth x curvature): by how much a curved surface gathers light below it, 1 - 1/INDEX
+CREASE = 0.6  # cosine between normals four pixels apart, below which they belong to two surfaces
 SMOOTHING = 3  # sweeps over the depths
 
 
@@ -30,11 +31,13 @@ def in_front(keys: ti.template(), y, x, depth):
 
 @ti.func
 def gathered(normals: ti.template(), depths: ti.template(), view, y, x, texel, room):
-    """Sunlight on the bed `room` [m] below, over that without water: the surface is a lens of curvature div n."""
+    """Sunlight on the bed `room` [m] below, over that without water: the surface is a lens of curvature div n, except
+    at a crease."""
     bright = 1.0
     y0, y1 = ti.max(y - 2, 0), ti.min(y + 2, depths.shape[0] - 1)
     x0, x1 = ti.max(x - 2, 0), ti.min(x + 2, depths.shape[1] - 1)
-    if ti.max(depths[y, x0], depths[y, x1], depths[y0, x], depths[y1, x]) < FAR:
+    whole = ti.max(depths[y, x0], depths[y, x1], depths[y0, x], depths[y1, x]) < FAR
+    if whole and ti.min(normals[y, x0].dot(normals[y, x1]), normals[y0, x].dot(normals[y1, x])) > CREASE:
         curvature = (normals[y, x1] - normals[y, x0]).dot(row(view, 0))
         curvature -= (normals[y1, x] - normals[y0, x]).dot(row(view, 1))
         bright = 1.0 / ti.max(1.0 - FOCUS * ti.min(room, 0.02) * curvature / (4.0 * texel), 0.5)
@@ -77,7 +80,8 @@ def shade_water(
             slant = ti.abs(away.dot(ti.Vector([facet[0], facet[1], facet[2]])))
             free = hanging(room, water, slant, spacing)
             merged = merged_at(reach[y, x], depth, spacing, lens[0])
-            normal = rimmed(normals[y, x], body, view, y, x, free, merged)
+            flat = facet.xyz.dot(normals[y, x]) if room * slant < 2.0 * spacing else 1.0
+            normal = rimmed(normals[y, x], body, view, y, x, free, merged * ti.math.smoothstep(0.3, 0.8, flat))
             through = refracted(
                 image,
                 keys,
@@ -126,10 +130,19 @@ class Water:
         self.counts = np.zeros(1, np.int32)
         self.box = np.zeros(4, np.int32)
 
-    def surface(self, frame, spacing: float, view, glass, facets) -> None:
-        """From particles to the smooth depth, normal, coverage and thickness of each pixel in self.box."""
+    def surface(self, frame, spacing: float, solids, view, glass, facets) -> None:
+        """From particles to the smooth depth, normal, coverage and thickness of each pixel in self.box.
+
+        solids: (points, triangles, first id, fronts, inner, backs) of what holds it, see render/walls.py, or None.
+        """
         x = np.ascontiguousarray(frame.fluid_x, np.float32)
         mass = np.ascontiguousarray(frame.fluid_mass, np.float32)
+        mirrors = np.zeros((0, 4), np.float32)
+        if solids:
+            points, triangles, first, fronts, inner, backs = solids
+            rows, places, mirrors = walls.images(x, spacing, points, triangles)
+            x = np.concatenate([x, places])
+            mass = np.concatenate([mass, mass[rows]])
         company = np.empty(len(x), np.float32)
         buckets = 1 << max(12, math.ceil(math.log2(4 * len(x))))
         if len(self.counts) != buckets:
@@ -137,7 +150,9 @@ class Water:
         box = self.box = box_of(x, view, glass, self.size, 4.0 * spacing)
         splat.crowd(x, mass, spacing, self.counts, company)
         splat.begin(box, self.keys, self.cover, self.thick)
-        splat.splat(x, mass, company, spacing, view, glass, facets, self.keys, self.cover, self.thick)
+        splat.splat(x, mass, company, mirrors, spacing, view, glass, facets, self.keys, self.cover, self.thick)
+        if len(mirrors):
+            splat.images(x, mass, company, mirrors, spacing, view, glass, facets, inner, backs, self.keys, self.cover)
         splat.settle(box, self.keys, company, self.depths, self.reach, spacing, float(glass[0]))
         splat.smooth_body(
             box, self.cover, self.thick, self.depths, self.reach, facets, spacing, self.half_body, self.body
@@ -151,3 +166,20 @@ class Water:
         for step in ((1, 0), (0, 1)):
             source, target = (self.normals, self.half_normals)[:: 1 if step[0] else -1]
             ripple.smooth_normals(source, target, box, self.depths, self.reach, *step, 2.0 * spacing)
+        if solids:
+            walls.lay_on_glass(
+                view,
+                glass,
+                spacing,
+                box,
+                fronts,
+                inner,
+                backs,
+                self.keys,
+                len(x) - len(mirrors),
+                first,
+                points,
+                triangles,
+                self.depths,
+                self.normals,
+            )

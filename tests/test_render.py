@@ -3,6 +3,7 @@
 import multiprocessing
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -25,11 +26,16 @@ def far_draw(frame: Frame, look: Look, static: Static) -> np.ndarray:
     return draw(frame, look, static)
 
 
+def _far(pool, what, *scene):
+    return pool.apply_async(what, scene).get(LIMIT)
+
+
 @pytest.fixture(scope="module")
 def render():
     """Look and draw; pictures are drawn in one other process, so that no Taichi runs in this one."""
     with multiprocessing.get_context("spawn").Pool(1, runtime.start, ("cpu", 2)) as pool:
-        yield SimpleNamespace(Look=Look, draw=lambda *scene: pool.apply_async(far_draw, scene).get(LIMIT))
+        far = {name: partial(_far, pool, what) for name, what in (("draw", far_draw), ("depths", depths_of))}
+        yield SimpleNamespace(Look=Look, **far)
 
 
 def empty() -> tuple[Frame, Static]:
@@ -191,17 +197,70 @@ def test_water_behind_cloth_is_not_seen(render):
 def test_water_between_solids_is_seen_through_the_near_wall(render):
     frame, static = empty()
     look = render.Look(size=SIZE, target=(0.0, 0.0, 0.02))
-    corners = np.array([[i, j, k] for k in (-1, 1) for j in (-1, 1) for i in (-1, 1)], float)
-    quads = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
-    box = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
-    boxes = [((0, 0, -0.002), (0.074, 0.074, 0.002)), ((0, -0.072, 0.02), (0.074, 0.002, 0.02))]
-    static.solid_x = np.concatenate([np.array(c) + corners * h for c, h in boxes]).astype(np.float32)
-    static.solid_triangles = np.concatenate([box, box + 8]).astype(np.int32)
+    boxes = [
+        box_between((-0.074, -0.074, -0.004), (0.074, 0.074, 0.0)),
+        box_between((-0.074, -0.074, 0.018), (0.074, -0.07, 0.022)),
+    ]
+    static.solid_x = np.concatenate([b[0] for b in boxes]).astype(np.float32)
+    static.solid_triangles = np.concatenate([b[1] + 8 * n for n, b in enumerate(boxes)]).astype(np.int32)
     dry = render.draw(frame, look, static).astype(int)
     pour(frame, static, slab(0.13, 0.006, 0.0))
     wet = render.draw(frame, look, static).astype(int)
     row, column = pixel_of(render, look, (0.0, -0.06, 0.006))
     assert np.abs(wet - dry)[row - 2 : row + 3, column - 4 : column + 4].max() > 3
+
+
+def box_between(low, high) -> tuple[np.ndarray, np.ndarray]:
+    """Corners and triangles, outwards, of a box of glass."""
+    corners = np.array([[i, j, k] for k in (0, 1) for j in (0, 1) for i in (0, 1)])
+    quads = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
+    low, high = np.array(low, float), np.array(high, float)
+    return low + corners * (high - low), np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+
+
+def test_images_stand_behind_each_wall_and_behind_corners():
+    from render.walls import images
+
+    floor, left = box_between((-1, -1, -0.1), (1, 1, 0)), box_between((-0.1, -1, 0), (0, 1, 1))
+    points, triangles = np.concatenate([floor[0], left[0]]), np.concatenate([floor[1], left[1] + 8])
+    x = np.array([[0.03, 0.2, 0.04], [0.5, 0.2, 0.05], [0.5, 0.2, 0.5]])
+    rows, places, planes = images(x, 0.1, points, triangles)
+    found = sorted((int(r), *np.round(p.astype(float), 6).tolist()) for r, p in zip(rows, places))
+    expected = [(0, -0.03, 0.2, -0.04), (0, -0.03, 0.2, 0.04), (0, 0.03, 0.2, -0.04), (1, 0.5, 0.2, -0.05)]
+    assert found == expected
+    gaps = {(int(r), round(float(p[3]), 6)) for r, p in zip(rows, planes)}
+    assert gaps >= {(0, 0.03), (0, 0.04), (1, 0.05)}
+    assert len(images(x, 0.7, points, triangles)[0]) == 0  # walls narrower than four spacings
+
+
+def depths_of(frame: Frame, look: Look, static: Static) -> np.ndarray:
+    """Depth of the drawn water in each pixel [m]."""
+    from render import draw as drawing
+
+    draw(frame, look, static)
+    return drawing._renderers[look.size].water.depths.to_numpy()
+
+
+def test_water_fills_the_corner_behind_glass_and_lies_flat_on_it(render):
+    """Seen straight through the near wall, its surface is the wall's inner face from corner to corner."""
+    frame, static = empty()
+    walls = (
+        ((-0.04, -0.024, -0.004), (0.04, 0.024, 0.0)),
+        ((-0.04, -0.024, 0.0), (0.04, -0.02, 0.06)),
+        ((-0.04, 0.02, 0.0), (0.04, 0.024, 0.06)),
+        ((-0.04, -0.02, 0.0), (-0.02, 0.02, 0.06)),
+        ((0.02, -0.02, 0.0), (0.04, 0.02, 0.06)),
+    )
+    boxes = [box_between(*wall) for wall in walls]
+    static.solid_x = np.concatenate([b[0] for b in boxes]).astype(np.float32)
+    static.solid_triangles = np.concatenate([b[1] + 8 * n for n, b in enumerate(boxes)]).astype(np.int32)
+    pour(frame, static, slab(0.04, 0.04, 0.0))
+    look = render.Look(size=SIZE, eye=(0.0, -0.4, 0.02), target=(0.0, 0.0, 0.02), fov=0.15)
+    depth = render.depths(frame, look, static)
+    tall, wide = pixel_of(render, look, (0.0, -0.02, 0.001))[0], pixel_of(render, look, (0.0185, -0.02, 0.02))[1]
+    seen = depth[90 - tall + 2 : tall, 160 - wide : wide]
+    assert seen.size > 2000
+    assert seen == pytest.approx(0.38, abs=1e-5)
 
 
 SAME_BITS = """
