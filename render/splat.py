@@ -71,6 +71,14 @@ def ball(mass, company, spacing, texel):
     return radius, outer, ti.max(1.5 * lone + 0.9 * spacing * company, 1.2 * texel)
 
 
+@ti.func
+def square(at, reach, width, height):
+    """Pixels (x0, y0, x1, y1) within `reach` pixels of a point of the picture."""
+    x, y = ti.cast(at[0] - reach, ti.i32), ti.cast(at[1] - reach, ti.i32)
+    x1, y1 = ti.cast(at[0] + reach, ti.i32) + 1, ti.cast(at[1] + reach, ti.i32) + 1
+    return ti.Vector([ti.max(x, 0), ti.max(y, 0), ti.min(x1, width), ti.min(y1, height)])
+
+
 @ti.kernel
 def begin(box: BOX, water: KEYS, cover: LAYER, thick: LAYER):
     """No water anywhere in the box."""
@@ -110,10 +118,9 @@ def splat(
             if company[i] > 0.5 and hidden(x[i], at, spacing, view, lens, facets):
                 room = FRINGE * spacing
             reach = ti.max(outer, spread) / texel
-            x0, x1 = ti.max(ti.cast(at[0] - reach, ti.i32), 0), ti.min(ti.cast(at[0] + reach, ti.i32) + 1, width)
-            y0, y1 = ti.max(ti.cast(at[1] - reach, ti.i32), 0), ti.min(ti.cast(at[1] + reach, ti.i32) + 1, height)
-            for py in range(y0, y1):
-                for px in range(x0, x1):
+            near_by = square(at, reach, width, height)
+            for py in range(near_by[1], near_by[3]):
+                for px in range(near_by[0], near_by[2]):
                     du, dv = (px + 0.5 - at[0]) * texel, (py + 0.5 - at[1]) * texel
                     d_sq = du * du + dv * dv
                     near = d_sq < ti.max(outer, spread) ** 2
@@ -157,10 +164,9 @@ def images(
             texel = at[2] / lens[0]
             radius, outer, _ = ball(mass[i], company[i], spacing, texel)
             reach = outer / texel
-            x0, x1 = ti.max(ti.cast(at[0] - reach, ti.i32), 0), ti.min(ti.cast(at[0] + reach, ti.i32) + 1, width)
-            y0, y1 = ti.max(ti.cast(at[1] - reach, ti.i32), 0), ti.min(ti.cast(at[1] + reach, ti.i32) + 1, height)
-            for py in range(y0, y1):
-                for px in range(x0, x1):
+            near_by = square(at, reach, width, height)
+            for py in range(near_by[1], near_by[3]):
+                for px in range(near_by[0], near_by[2]):
                     du, dv = (px + 0.5 - at[0]) * texel, (py + 0.5 - at[1]) * texel
                     d_sq = du * du + dv * dv
                     if d_sq < outer * outer:

@@ -5,6 +5,8 @@ import math
 import numpy as np
 import taichi as ti
 
+from sim.wetting.faces import Faces
+
 RIPPLE = 12.0
 """[1] In the growth rate of the fastest ripple of a hanging film, (rho g)^2 h^3 / (12 mu gamma)."""
 
@@ -27,31 +29,17 @@ class Film:
         site_of, sites = lay_sites(water, 2.0 * math.pi * math.sqrt(2.0) * self.capillary_length)
         self.sites = _int_field(sites)
         self.site_of = _int_field(site_of)
-        self.along = ti.field(ti.i64, shape=(water.rows, water.columns, 2))
+        self.faces = Faces(water)
 
     @ti.kernel
     def flow(self, dt: float):
         """Creep through faces, then gather; film and momentum move together."""
         ti.loop_config(serialize=self.water.few)
         for i, j in ti.ndrange(self.water.rows, self.water.columns):
-            p = i * self.water.columns + j
-            self.along[i, j, 0] = 0
-            self.along[i, j, 1] = 0
-            if i + 1 < self.water.rows:
-                self.along[i, j, 0] = self._creep(p, p + self.water.columns, dt)
-            if j + 1 < self.water.columns:
-                self.along[i, j, 1] = self._creep(p, p + 1, dt)
+            self.faces.ask(self, i, j, dt)
         ti.loop_config(serialize=self.water.few)
         for i, j in ti.ndrange(self.water.rows, self.water.columns):
-            p = i * self.water.columns + j
-            if i > 0:
-                self._receive(p, p - self.water.columns, self.along[i - 1, j, 0])
-            if j > 0:
-                self._receive(p, p - 1, self.along[i, j - 1, 1])
-            if i + 1 < self.water.rows:
-                self._receive(p, p + self.water.columns, -self.along[i, j, 0])
-            if j + 1 < self.water.columns:
-                self._receive(p, p + 1, -self.along[i, j, 1])
+            self.faces.take(self.water.film, i, j)
         ti.loop_config(serialize=self.water.few)
         for p in range(self.water.patch_count):
             site = self.site_of[p]
@@ -59,7 +47,8 @@ class Film:
                 self._gather(p, site, dt)
 
     @ti.func
-    def _creep(self, p, q, dt):
+    def through(self, p, q, dt):
+        """Mass units that creep from patch p to q in this step; never more than an eighth of what is there."""
         r = self.water.centre(q) - self.water.centre(p)
         pull = self.water.gravity.dot(r) / ti.max(r.norm(), 1e-9)
         source = p
@@ -72,14 +61,6 @@ class Film:
             most = self.water.film[source] // 8
             moved = ti.max(ti.min(self.water.units(volume), most), -most)
         return moved
-
-    @ti.func
-    def _receive(self, p, other, units):
-        ti.atomic_add(self.water.film[p], units)
-        v = self.water.velocity[other]
-        if units < 0:
-            v = self.water.velocity[p]
-        self.water.carry(p, units, v)
 
     @ti.func
     def _gather(self, p, site, dt):

@@ -5,6 +5,7 @@ import taichi as ti
 from sim.model import Model
 from sim.registry import register
 from sim.stage import Build, Limit, Stage
+from sim.wetting.faces import Faces
 
 
 @register("wetting", "wick")
@@ -12,8 +13,8 @@ from sim.stage import Build, Limit, Stage
 class Wick:
     """Richards 1931 on the sheet's own mesh: q = (K_par k_r / mu) (-grad p_l + rho g_along), p_l = -p_c0 (1 - S).
 
-    k_r = S, its arithmetic mean at faces (the upwind value gives a front that goes as t^0.47). Each face moves whole
-    mass units once, so mass and momentum balance exactly. Explicit: dt < a^2 / (4 D), D = K_par p_c0 / (phi mu).
+    k_r = S, its arithmetic mean at faces (the upwind value gives a front that goes as t^0.47). Explicit:
+    dt < a^2 / (4 D), D = K_par p_c0 / (phi mu).
     """
 
     class Params(Model):
@@ -30,7 +31,7 @@ class Wick:
         self.rho = liquid.rest_density
         self.section = self.water.spacing * fabric.thickness
         self.diffusivity = self.mobility * self.suction / fabric.porosity
-        self.along = ti.field(ti.i64, shape=(self.water.rows, self.water.columns, 2))
+        self.faces = Faces(self.water)
 
     def stages(self) -> tuple[Stage, ...]:
         """One: flow through faces, then add up. A cloth that does not conduct has none."""
@@ -49,27 +50,13 @@ class Wick:
         """Whole mass units through each face from (i, j) to its next along i [0] and j [1]; then the sums."""
         ti.loop_config(serialize=self.water.few)
         for i, j in ti.ndrange(self.water.rows, self.water.columns):
-            self.along[i, j, 0] = 0
-            self.along[i, j, 1] = 0
-            p = i * self.water.columns + j
-            if i + 1 < self.water.rows:
-                self.along[i, j, 0] = self._through(p, p + self.water.columns, dt)
-            if j + 1 < self.water.columns:
-                self.along[i, j, 1] = self._through(p, p + 1, dt)
+            self.faces.ask(self, i, j, dt)
         ti.loop_config(serialize=self.water.few)
         for i, j in ti.ndrange(self.water.rows, self.water.columns):
-            p = i * self.water.columns + j
-            if i > 0:
-                self._receive(p, p - self.water.columns, self.along[i - 1, j, 0])
-            if j > 0:
-                self._receive(p, p - 1, self.along[i, j - 1, 1])
-            if i + 1 < self.water.rows:
-                self._receive(p, p + self.water.columns, -self.along[i, j, 0])
-            if j + 1 < self.water.columns:
-                self._receive(p, p + 1, -self.along[i, j, 1])
+            self.faces.take(self.water.pores, i, j)
 
     @ti.func
-    def _through(self, p, q, dt):
+    def through(self, p, q, dt):
         """Mass units from patch p to q in this step; never more than a quarter of what is there or fits."""
         s_p, s_q = self.water.saturation(p), self.water.saturation(q)
         r = self.water.centre(q) - self.water.centre(p)
@@ -80,12 +67,3 @@ class Wick:
         room = ti.min(self.water.pores[p], self.water.room(q)) // 4
         back = ti.min(self.water.pores[q], self.water.room(p)) // 4
         return ti.max(ti.min(moved, ti.max(room, 0)), -ti.max(back, 0))
-
-    @ti.func
-    def _receive(self, p, other, units):
-        """Add units to p; what comes brings the other's velocity, what goes takes p's."""
-        self.water.pores[p] += units
-        v = self.water.velocity[other]
-        if units < 0:
-            v = self.water.velocity[p]
-        self.water.carry(p, units, v)
