@@ -10,6 +10,9 @@ from sim.schema import Config
 NOZZLE_SPACINGS = 3
 """A stream narrower than this many particles is no stream: its lattice has one or two of them across."""
 
+COUNT_MAX = 2**31 - 1
+"""Particles or nodes that an index of 32 bits can name."""
+
 TENSION_SUPPORT = 2.5
 """[dx] A drop of 10 spacings' radius rings with 21.7 ms at 3, 23.6 at 2.5, 19.3 at 2, there but once; the liquid's are
 23.3."""
@@ -17,7 +20,28 @@ TENSION_SUPPORT = 2.5
 
 def problems(config: Config) -> list[Problem]:
     """Everything that does not fit, in the order of the scene's sections."""
-    return [*_run(config), *_water(config), *_periodic(config), *_streams(config), *_cloth(config), *_exchange(config)]
+    parts = (_run, _counts, _water, _periodic, _streams, _cloth, _exchange)
+    return [problem for part in parts for problem in part(config)]
+
+
+def _counts(config: Config) -> list[Problem]:
+    """Things too many to number, before anything is made of them."""
+    found, fluid, cloth = [], config.fluid, config.cloth
+    if fluid:
+        each = fluid.spacing**3
+        asked = [("fluid.spacing", sum(body.volume for body in fluid.bodies) / each)]
+        for name, stream in config.emitter.items():
+            lattice = 0.25 * math.pi * (stream.diameter / fluid.spacing) ** 2
+            asked.append((f"emitter.{name}.rate", max(stream.rate * config.run.duration / each, lattice)))
+        found += [Problem(key, _too_many(count, "particles")) for key, count in asked if count > COUNT_MAX]
+    if cloth:
+        count = math.prod(side / cloth.spacing for side in cloth.size)
+        found += [Problem("cloth.spacing", _too_many(count, "nodes"))] if count > COUNT_MAX else []
+    return found
+
+
+def _too_many(count: float, things: str) -> str:
+    return f"makes {count:.3g} {things}; at most {COUNT_MAX:,} can be numbered"
 
 
 def warnings(config: Config) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 class Params(Model):
     sound_speed: float = quantity("30 m/s", "speed", gt=0, why="10 x the expected speed")
-    iterations_max: int = quantity(100, ge=1, why="a cap; the residual ends it sooner")
+    iterations_max: int = quantity(100, ge=1, le=100000, why="a cap; the residual ends it sooner")
     warm_start: bool = option(True, why="starts from the last step's pressure")
     form: Literal["tube", "bed"] = option("tube", why="...")
 """

@@ -62,7 +62,7 @@ class Liquid(Model):
     """[fluid.liquid]: from a card in configs/liquids, or whole in the scene."""
 
     name: str = option("", why="of the card")
-    rest_density: float = quantity(REQUIRED, "density", gt=0)
+    rest_density: float = quantity(REQUIRED, "density", gt=0, le=1e5)
     nu: float = quantity(REQUIRED, "kinematic_viscosity", ge=0)
     surface_tension: float = quantity(REQUIRED, "tension", ge=0)
     absorption: Vector = quantity(

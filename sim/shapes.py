@@ -95,7 +95,7 @@ class Box(Solid):
 
     shape: Literal["box"]
     centre: Vector = quantity(REQUIRED, "length")
-    size: Vector = quantity(REQUIRED, "length", gt=0)
+    size: Vector = quantity(REQUIRED, "length", gt=0, le=1e6)
     turn: Turn | None = None
 
 
@@ -104,7 +104,7 @@ class Sphere(Solid):
 
     shape: Literal["sphere"]
     centre: Vector = quantity(REQUIRED, "length")
-    radius: float = quantity(REQUIRED, "length", gt=0)
+    radius: float = quantity(REQUIRED, "length", gt=0, le=1e6)
 
 
 class Cylinder(Solid):
@@ -112,8 +112,8 @@ class Cylinder(Solid):
 
     shape: Literal["cylinder"]
     centre: Vector = quantity(REQUIRED, "length")
-    radius: float = quantity(REQUIRED, "length", gt=0)
-    length: float = quantity(REQUIRED, "length", gt=0)
+    radius: float = quantity(REQUIRED, "length", gt=0, le=1e6)
+    length: float = quantity(REQUIRED, "length", gt=0, le=1e6)
     axis: Vector = quantity((0.0, 0.0, 1.0), why="upright")
 
     _nonzero = field_validator("axis")(nonzero)
@@ -124,7 +124,7 @@ class Mesh(Solid):
 
     shape: Literal["mesh"]
     file: str = option(REQUIRED, why="beside the scene, or in configs/meshes")
-    scale: float = quantity(1.0, gt=0, why="metres to a unit of the file")
+    scale: float = quantity(1.0, gt=0, le=1e6, why="metres to a unit of the file")
     centre: Vector = quantity((0.0, 0.0, 0.0), "length")
     turn: Turn | None = None
     digest: str = option("", why="sha256 of the file; filled in by loading")
@@ -136,8 +136,8 @@ class Basin(Solid):
 
     shape: Literal["basin"]
     centre: Vector = quantity((0.0, 0.0, 0.0), "length")
-    size: Vector = quantity(REQUIRED, "length", gt=0)
-    thickness: float = quantity("4 mm", "length", gt=0)
+    size: Vector = quantity(REQUIRED, "length", gt=0, le=1e6)
+    thickness: float = quantity("4 mm", "length", gt=0, le=1e6)
     turn: Turn | None = None
 
 

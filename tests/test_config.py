@@ -190,6 +190,19 @@ def test_sections_that_need_each_other():
         load("tablecloth", ["drain.plug.low=[0, 0, 0]", "drain.plug.high=[1, 1, 1]"])
 
 
+@pytest.mark.parametrize(
+    "scene, setting, things",
+    [
+        ("dam_break", "fluid.spacing=1e-9", "particles"),
+        ("honey", "emitter.spoon.rate=1e9", "particles"),
+        ("pile", "cloth.spacing=1e-8", "nodes"),
+    ],
+)
+def test_more_than_can_be_numbered_is_refused_before_it_is_made(scene, setting, things):
+    with pytest.raises(ConfigError, match=rf"{setting.split('=')[0]} = .*: makes .* {things}; at most 2,147,483,647"):
+        load(scene, [setting])
+
+
 def test_nozzle_is_measured_in_spacings():
     scene = load("seep")
     assert scene.emitter["spout"].diameter == pytest.approx(12.36e-3, rel=1e-3)

@@ -117,7 +117,7 @@ def test_a_path_that_repeats_goes_round_evenly():
         ("solid.piston.path.repeat=true", "repeat needs a shift that ends where it began"),
         ("solid.rotor.axis=[0, 0, 0]", "must not be the zero vector"),
         ("solid.rotor.shape=mesh", "solid.rotor.file: missing"),
-        ("solid.rotor.radius=-1", "must be > 0"),
+        ("solid.rotor.radius=-1", "must lie in (0, 1e+06]"),
     ],
 )
 def test_wrong_solids_are_told_in_a_line(scene_file, change, words):

@@ -111,7 +111,7 @@ class Forced(Xpbd):
 class ForcedParams(Damped):
     """What both read."""
 
-    substep_max: float | None = quantity(None, "time", gt=0, why="absent = as long as is stable")
+    substep_max: float | None = quantity(None, "time", ge=1e-9, why="absent = as long as is stable")
     retardation: float = quantity("0 s", "time", ge=0, why="of the threads: tension k (dl + tau dl/dt); 0 = none")
 
 

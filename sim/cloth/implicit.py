@@ -25,10 +25,12 @@ class ImplicitEuler(Xpbd):
     class Params(Damped):
         """[cloth.implicit_euler]"""
 
-        substep_max: float = quantity("5 ms", "time", gt=0, why="longer ones damp the swing that is to be seen")
+        substep_max: float = quantity("5 ms", "time", ge=1e-9, why="longer ones damp the swing that is to be seen")
         newton: int = quantity(1, ge=1, le=50, why="steps of Newton's method a substep; more where it turns far")
         tolerance: float = quantity("0.01 m/s^2", "acceleration", gt=0, why="rms that a solve leaves; gravity is 9.8")
-        iterations_max: int = quantity(500, ge=1, why="of conjugate gradients; a sheet n nodes across needs some 3 n")
+        iterations_max: int = quantity(
+            500, ge=1, le=100000, why="of conjugate gradients; a sheet n nodes across needs some 3 n"
+        )
 
     elastic = 0.0
 

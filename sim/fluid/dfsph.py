@@ -28,7 +28,7 @@ class Dfsph:
         divergence_error: float = quantity(
             0.1, ge=1e-4, le=0.5, why="share of the compression that forces bring in a step which v may keep"
         )
-        iterations_max: int = quantity(100, ge=1, why="a cap; the residual ends it sooner")
+        iterations_max: int = quantity(100, ge=1, le=100000, why="a cap; the residual ends it sooner")
         cfl: float = quantity(0.4, gt=0, le=1, why="dt <= cfl spacing / max speed")
         warm_start: bool = option(True, why="starts from the last step's pressure")
 

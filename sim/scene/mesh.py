@@ -59,11 +59,14 @@ def distance_grid(name: str, x: np.ndarray, triangles: np.ndarray, spacing: floa
     band = BAND * spacing
     for cell in (0.5 * spacing, spacing):
         low = x.min(0) - band - cell
-        shape = np.ceil((x.max(0) + band + cell - low) / cell).astype(int) + 1
+        shape = np.ceil((x.max(0) + band + cell - low) / cell) + 1
         if shape.prod() <= SAMPLES_MAX:
             break
     else:
-        raise CapacityError(f"solid.{name}: {shape.prod():,} distances to keep; use a larger spacing or a smaller mesh")
+        raise CapacityError(
+            f"solid.{name}: {shape.prod():.3g} distances to keep; use a larger spacing or a smaller mesh"
+        )
+    shape = shape.astype(int)
     distance = _spread(*_touching(x[triangles], low, cell, shape), x[triangles], low, cell, band)
     return Grid(low, cell, np.where(_inside(x, triangles, low, cell, shape), -distance, distance).astype(np.float32))
 

@@ -31,7 +31,7 @@ class ImplicitViscosity:
 
     class Params(Model):
         error: float = quantity(1e-3, ge=1e-6, le=0.1, why="rms velocity left to change, over the rms velocity")
-        iterations_max: int = quantity(200, ge=1, why="a cap; the residual ends it sooner")
+        iterations_max: int = quantity(200, ge=1, le=100000, why="a cap; the residual ends it sooner")
 
     rows = ("fluid.x", "fluid.v", "fluid.mass", "fluid.acceleration", "fluid.pressure_acceleration")
     scratch = (
