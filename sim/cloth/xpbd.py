@@ -8,7 +8,7 @@ import taichi.math as tm
 from sim.bodies import Bodies
 from sim.cloth.board import LANES, Board
 from sim.cloth.contact import SolidContact
-from sim.cloth.damping import Damped, damp_relative, largest_speed
+from sim.cloth.damping import Damped, damp_bending, damp_relative, largest_speed
 from sim.cloth.isometric import RING, Isometric
 from sim.cloth.measure import Measure
 from sim.cloth.spectrum import top_frequency
@@ -72,6 +72,9 @@ class Xpbd:
         self.whole_bend = 1.0 / bend if bend else math.inf
         self.bend_within = ti.field(self.board.real, ())
         self.bend_within[None] = self.whole_bend
+        stiffness = cloth.fabric.bending if cloth.bending != "none" else 0.0
+        self.bending_viscosity = stiffness * params.bending_retardation / sheet.spacing**2
+        self.bends_slowly = self.bending_viscosity > 0.0
         self.obeys = build.config.run.dt_limits
         self.measure = Measure(sheet, self.x, self.v, self.mass)
         self.clips_move = "clips" in build.parts
@@ -102,7 +105,8 @@ class Xpbd:
         count = max(1, math.ceil(dt / self.substep_max() - 1e-9))
         self.simulated, self.substeps = self.simulated + dt, self.substeps + count
         kept, left = math.exp(-damping * dt), math.exp(-drag * dt / count)
-        self._advance(count, dt / count, tm.vec3(self.gravity), kept, left, math.exp(-brake * dt))
+        viscosity = self.bending_viscosity * dt
+        self._advance(count, dt / count, tm.vec3(self.gravity), kept, left, viscosity, math.exp(-brake * dt))
 
     def substep_max(self) -> float:
         """cloth.METHOD.substep_max, and no longer than bending can be taken in whole [s]."""
@@ -166,7 +170,9 @@ class Xpbd:
         self.board.set_vector(self.board.v, at, self.board.vector(self.board.v, at) + change)
 
     @ti.kernel
-    def _advance(self, count: ti.i32, h: float, gravity: tm.vec3, kept: float, left: float, slowed: float):
+    def _advance(
+        self, count: ti.i32, h: float, gravity: tm.vec3, kept: float, left: float, viscosity: float, slowed: float
+    ):
         ti.loop_config(serialize=True)
         for _ in range(1):
             self._load(count * h, gravity)
@@ -188,6 +194,8 @@ class Xpbd:
                         guest.finish(h)
             if kept < 1.0:
                 damp_relative(self.board, kept)
+            if ti.static(self.bends_slowly):
+                damp_bending(self.board, viscosity)
             self._store(slowed)
 
     @ti.func
