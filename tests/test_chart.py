@@ -8,6 +8,7 @@ import pytest
 
 import main as seep
 from render.study import study_chart
+from sim import config
 from sim.errors import ConfigError, DivergedError
 from sim.studies import chart, study, table
 from sim.studies.case import Case, Point, run_point
@@ -148,6 +149,9 @@ def test_the_study_of_cloth_is_whole():
     assert all(job.config().cloth and not job.config().run.dt_limits for job in jobs if job.swept and not job.checked)
     flexion = [job for job in jobs if job.case.name == "cantilever_flexion"]
     assert flexion and all(job.bounds == {"pretence": 1.0} for job in flexion)  # must fail, and say so
+    cloths = {name: config.load(name).cloth for name in config.names("scenes")}
+    limited = {name for name, cloth in cloths.items() if cloth and cloth.strain_limit is not None}
+    assert {job.case.scene for job in jobs if job.bounds == {"strain": 0.105}} == limited
 
 
 def test_a_wrong_study_is_one_line(tmp_path, monkeypatch):

@@ -77,12 +77,12 @@ def load(topic: str, quick: bool = False) -> Study:
 
 
 def cases(topic: str) -> dict[str, Case]:
-    """The CASE of every module in sim/studies/<topic>/, by name."""
+    """The CASE, or CASES, of every module in sim/studies/<topic>/, by name."""
     folder = f"sim.studies.{topic}"
     found = topic.isidentifier() and importlib.util.find_spec(folder)
     if not found or not found.submodule_search_locations:  # none, or a module and no folder
         return {}
     package = importlib.import_module(folder)
     modules = [importlib.import_module(m.name) for m in pkgutil.iter_modules(package.__path__, folder + ".")]
-    found = [module.CASE for module in modules if hasattr(module, "CASE")]
-    return {case.name: case for case in found}
+    found = [vars(module).get("CASES", (vars(module).get("CASE"),)) for module in modules]
+    return {case.name: case for some in found for case in some if case}
