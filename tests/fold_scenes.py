@@ -13,11 +13,17 @@ def _hash_at(world, frame):
 
 
 def pile(frames=18):
-    """(crossings at each frame, largest strain, kept hash, hash after going back, counts) of a coarse pile."""
+    """(crossings at each frame, largest strain, kept hash, hash after going back, counts) of a coarse pile; and
+    crossings when the sheet has settled on the ground before it all."""
     from sim.studies.crossings import crossings
 
     world = open_world("pile", *PILE, quick=True, threads=2)
-    triangles = np.asarray(world.scene.sheet.triangles)
+    sheet, triangles = world.scene.sheet, np.asarray(world.scene.sheet.triangles)
+    world.state["cloth.x"].from_numpy((sheet.x - [0.0, 0.0, 0.095]).astype(np.float32))
+    world.build.parts["cloth"].settle(0.7)
+    settled = crossings(world.snapshot().cloth_x, triangles)
+    world.state["cloth.x"].from_numpy(sheet.x.astype(np.float32))
+    counts = world.build.parts["self_contact"].counts()
     found, strain = [], 0.0
     for frame in range(1, frames + 1):
         x = world.advance().cloth_x
@@ -28,7 +34,8 @@ def pile(frames=18):
             ahead = _hash_at(world, 11)
             world.load(kept)
     world.load(kept)
-    return found, strain, ahead, _hash_at(world, 11), world.build.parts["self_contact"].counts()
+    counts = {name: n - counts[name] for name, n in world.build.parts["self_contact"].counts().items()}
+    return found, strain, ahead, _hash_at(world, 11), counts, settled
 
 
 def pile_on_one_thread():

@@ -46,6 +46,17 @@ def test_hanging_begins_without_compressed_threads(sheet):
     assert np.abs(length / springs.rest - 1.0).max() < 1e-9
 
 
+def test_a_sheet_held_all_round_begins_without_taut_threads():
+    from sim.scene.cloth import build_sheet, spring_list
+
+    hems = {"hems": scenes.SimpleNamespace(where="edges", clip=0.0)}
+    sheet = build_sheet(scenes.cloth(spacing=0.01, slack=0.2, pins=hems))
+    springs = spring_list(sheet, ("structural_u", "structural_v"))
+    length = np.linalg.norm(sheet.x[springs.ends[:, 1]] - sheet.x[springs.ends[:, 0]], axis=1)
+    assert (length / springs.rest).max() == pytest.approx(1.0, abs=1e-6)
+    assert sheet.x[:, 2].min() < 0.2 - 0.03
+
+
 def test_springs_add_up_to_the_fabric(sheet):
     """C11 = ks + kh + 4 kf = 9/8 Y, C12 = kh = 3/8 Y: energy of uniform strain, by hand."""
     from sim.scene.cloth import spring_list

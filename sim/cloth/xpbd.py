@@ -79,7 +79,9 @@ class Xpbd:
         self.measure = Measure(sheet, self.x, self.v, self.mass)
         self.clips_move = "clips" in build.parts
         self.guests = build.parts.setdefault("guests", [])
-        self.step_limit = getattr(build.parts.get("self_contact"), "limit", None)
+        self.self_contact = build.parts.get("self_contact")
+        self.step_limit = getattr(self.self_contact, "limit", None)
+        self.step_max = build.config.run.dt_max if self.self_contact else math.inf
         self.simulated, self.substeps = 0.0, 0
 
     def stages(self) -> tuple[Stage, ...]:
@@ -119,15 +121,31 @@ class Xpbd:
     def settle(self, seconds: float, still: float = SETTLED_SPEED, evenly: bool = False) -> None:
         """Hang under strong drag, water or not, for `seconds` or until at rest (`still`, rms); end without speed.
 
+        Self contact takes part where the scene models it; other guests do not: wind and water begin with time.
         evenly: drag in each substep, which comes to rest closer, but may leave a sheet hanging in its own dome.
         """
         even, brake = (SETTLE_DRAG, 0.0) if evenly else (self.params.drag, SETTLE_DRAG)
         rest = 0.5 * float(self.sheet.mass.sum()) * still**2
         for _ in range(math.ceil(seconds / SETTLE_STEP - 1e-9)):
-            self.advance(SETTLE_STEP, self.params.damping, even, brake)
+            self._settle_step(even, brake)
             if not self.kinetic_energy() >= rest:  # or no number any more, which is for others to tell
                 break
         self.v.fill(0.0)
+
+    def _settle_step(self, drag: float, brake: float) -> None:
+        """SETTLE_STEP at once, or in steps that self contact can follow; braked at its end."""
+        contact, left = self.self_contact, SETTLE_STEP
+        while left > 0.0:
+            dt = left
+            if contact:
+                limit = self.step_limit().seconds if self.step_limit else math.inf
+                dt = left / math.ceil(left / min(limit, self.step_max) - 1e-9)
+                contact.begin(dt)
+            last = dt == left
+            self.advance(dt, self.params.damping, drag, brake * SETTLE_STEP / dt if last else 0.0)
+            if contact:
+                contact.end(dt)
+            left = 0.0 if last else left - dt
 
     def max_strain(self) -> float:
         """max over structural and shear springs of length/rest - 1."""

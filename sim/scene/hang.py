@@ -36,7 +36,8 @@ def clip_nodes(pins: dict[str, Any], uv: np.ndarray, shape: tuple[int, int]) -> 
 def hang(cloth: Any, uv: np.ndarray, shape: tuple[int, int], owner: np.ndarray) -> np.ndarray:
     """(n, 3) places in the sheet's own axes, its middle at the origin; clips lie in the plane z = 0.
 
-    Between clips the sheet sags towards -z as z(u) + z(v), so that every structural spring has its own length.
+    Between clips the sheet sags towards -z as z(u) + z(v), so that every structural spring has its own length; a sheet
+    held all round less deep, so that none is longer: taut ones would throw it up to a dome that stands.
     """
     flat = uv - 0.5 * np.asarray(cloth.size)
     if cloth.fold is not None:
@@ -50,10 +51,20 @@ def hang(cloth: Any, uv: np.ndarray, shape: tuple[int, int], owner: np.ndarray) 
     hearts = np.unique(owner[owner >= 0])
     held_at = np.column_stack([(1.0 - cloth.slack) * flat[hearts], np.zeros(len(hearts))])
     place = sag + _blend(uv, uv[hearts]) @ (held_at - sag[hearts])
+    place[:, 2] *= _shallower(place.reshape(*shape, 3), cloth.spacing)
     held = np.flatnonzero(owner >= 0)
     rank = np.searchsorted(hearts, owner[held])
     place[held] = held_at[rank] + np.column_stack([uv[held] - uv[owner[held]], np.zeros(len(held))])
     return place
+
+
+def _shallower(place: np.ndarray, spacing: float) -> float:
+    """Share of its depth, at most 1, at which no thread is longer than its links."""
+    links = np.concatenate([np.diff(place, axis=k).reshape(-1, 3) for k in (0, 1)])
+    flat_sq, deep_sq = (links[:, :2] ** 2).sum(1), links[:, 2] ** 2
+    too_long = flat_sq + deep_sq > (spacing * (1.0 + 1e-6)) ** 2
+    room_sq = np.maximum(spacing**2 - flat_sq[too_long], 0.0)
+    return float(np.sqrt(np.min(room_sq / deep_sq[too_long], initial=1.0)))
 
 
 def folded(flat: np.ndarray, gap: float) -> np.ndarray:
