@@ -17,8 +17,9 @@ class Dfsph:
 
     Pressure is kept as kappa = p/rho^2 [m^5/(kg s^2)]:  a_i = -sum_j m_j (kappa_i + kappa_j) grad W_ij, kappa >= 0.
     velocity   after all forces, v gains dt a so that nothing is compressed beyond rho0
-    way        x moves by dt (v + dt a'), a' such that errors of density are gone at the step's end; v keeps none of it
-               (the particle shift of Cornelis et al. 2018): taking errors back through v made still water simmer
+    way        x moves by dt (v + dt a'), a' such that errors of density are gone at the step's end; v keeps of it what
+               the water's spin needs (see Projection) and no more (the particle shift of Cornelis et al. 2018): taking
+               errors back through v made still water simmer
     Each starts from the kappa of the step before. Water thinner than rho0 may close up: only the rest of a compression
     counts, so a ragged surface needs no exception.
     """
@@ -47,7 +48,7 @@ class Dfsph:
         self.kappa, self.kappa_way, self.diagonal, self.guess = (build.state[row.name] for row in self.scratch)
         capacity = max(build.state.sizes["fluid"], 1)
         self.u = ti.Vector.field(4, float, shape=capacity)
-        self.support = build.config.fluid.support
+        self.support, self.spacing = build.config.fluid.support, build.config.fluid.spacing
         self.rest_density = build.config.fluid.liquid.rest_density
         self.motion = Motion(build, terms, params.cfl, way=self.u)
         self.projection = Projection(self)

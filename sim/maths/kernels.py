@@ -173,6 +173,12 @@ def lattice_shares(kernel: SmoothingKernel, support: float) -> tuple[float, floa
     return whole, beyond
 
 
+def lattice_pull(kernel: SmoothingKernel, support: float) -> float:
+    """sum_j |dW/dr|/r dx^5 over the cubic lattice's neighbours, kernel normalised to it   [1]."""
+    distances = [math.hypot(*p) for p in lattice_points(support) if any(p)]
+    return -float(sum(kernel.slope(d, support) for d in distances)) / lattice_shares(kernel, support)[0]
+
+
 def wall_fit(kernel: SmoothingKernel, support: float) -> tuple[float, float]:
     """(range, offset) [dx] of the wall that holds lattice water at rest: share wall(d + offset, range).
 
