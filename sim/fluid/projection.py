@@ -19,9 +19,9 @@ SAFETY = 0.6
 HEADSTART = 3.0
 """Iterations of momentum that a solve has from its second on: it begins near its end, where Nesterov's slow start only
 costs. 0 takes a seventh more iterations; far more do not take fewer."""
-SLOPE = 1.25
-"""Of a pair's push over the square of its distance, at the end of the way: with this a pair is slowed across its line
-and sped up along it, by 3/2 as much, which in water that shears evenly comes to no viscosity at all."""
+FALL = 1.25
+"""How fast a pair's push falls with the square of its distance, at the end of the way: so that on the lattice pairs are
+slowed across their lines and sped up along them by 3/2 as much, which in even shear comes to no viscosity at all."""
 TIGHT = 0.5
 """[1] Share of its velocity that neighbours on a lattice, pushing alike, may take from a particle in a step. Beyond it
 the pushes of both sides cancel (water squeezed in a closed box, steps far beyond the limit of speed), and turning each
@@ -45,7 +45,7 @@ class Projection:
     the lines on which pairs begin, and its opposite along the lines on which they end, both keep it to rounding: with
     the one, the velocity is what moves the particle; after the other, it is nearly v again. What is left is
 
-        dv_i = dt sum_j m_j (kappa_i + kappa_j) (dW/dr)/r ((1 + s - s r'^2/r^2) r' - r),  s = SLOPE, r' at the end.
+        dv_i = dt sum_j m_j (kappa_i + kappa_j) (dW/dr)/r ((1 - fall (r'^2 - r^2)) r' - r),  r' at the end of the way.
 
     Where particles clump (light ones, soaked half away), the lattice's step is too long and the residual grows: then
     a solve starts AGAIN from no pressure at all, with half the step.
@@ -58,13 +58,15 @@ class Projection:
         self.pairs = owner.pairs
         self.crew = Crew()
         self.relaxation = SAFETY * 2.0 / largest_eigenvalue(self.pairs.kernel, owner.support)
-        pull = lattice_pull(self.pairs.kernel, owner.support) * owner.rest_density / owner.spacing**2
-        self.loosest = TIGHT / pull
+        pull, second, fourth = (lattice_pull(self.pairs.kernel, owner.support, power) for power in (0, 2, 4))
+        self.loosest = TIGHT * owner.spacing**2 / (pull * owner.rest_density)
+        self.fall = FALL * second / (fourth * owner.spacing**2)
         self.spins = not self.pairs.torus.axes  # periodic space has no angular momentum
         p = owner.params
         self.warm, self.iterations_max = p.warm_start, p.iterations_max
         self.share, self.density_error = p.divergence_error, p.density_error
-        self.sums = ti.Vector.field(4, float, shape=max(owner.state.sizes["fluid"], 1))
+        capacity = max(owner.state.sizes["fluid"], 1)
+        self.sums, self.pushed = ti.Vector.field(4, float, shape=capacity), ti.field(float, shape=capacity)
         self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-owner.state.sizes["fluid"] // BLOCK), 1))
         self.phase, self.way, self.fresh, self.age = (ti.field(ti.i32, ()) for _ in range(4))
         self.iterations = ti.field(ti.i32, 2)
@@ -223,16 +225,15 @@ class Projection:
     @ti.func
     def _turn(self, i, dt, neighbour: ti.template(), slope: ti.template()):
         """v by the way's push where pairs begin, less the same where they end: see Projection."""
-        own, u, place = self.sums[i][3], self.o.u[i], self.pairs.place[i]
+        own, u, place = self.pushed[i], self.o.u[i], self.pairs.place[i]
         a = ti.Vector([0.0, 0.0, 0.0, 0.0])
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
             j = neighbour[k]
-            r = self.pairs.beyond(place, j)
-            end = r + dt * (u - self.o.u[j])
-            push = own + self.sums[j][3]
-            apart = ti.max(1.0 + SLOPE - SLOPE * end.dot(end) / ti.max(r.dot(r), 1e-30), 0.0)
-            push *= ti.math.clamp(2.0 - dt * dt * push / self.loosest, 0.0, 1.0)
-            a += (push * slope[k]) * (apart * end - r)
+            r, moved = self.pairs.beyond(place, j), dt * (u - self.o.u[j])
+            end = r + moved
+            less = ti.max(-self.fall * moved.dot(r + end), -1.0)
+            a += ((own + self.pushed[j]) * slope[k]) * (moved + less * end)
+        self.sums[i] = a  # stored whole, as in `_rate`
         self.o.v[i] += dt * a.xyz
 
     @ti.func
@@ -252,6 +253,6 @@ class Projection:
         new = ti.max(guess + step * (rate - lack) / (dt * diagonal), 0.0)
         self._keep(i, way, new)
         self.o.guess[i] = ti.max(new + ahead * (new - old), 0.0)
-        self.sums[i][3] = guess  # what u was pushed with
+        self.pushed[i] = guess * ti.math.clamp(2.0 - 2.0 * dt * dt * guess / self.loosest, 0.0, 1.0)
         left = diagonal * dt * dt / rho0
         return ti.Vector([ti.abs(new - guess) * left / step, (guess - new) * (new - old) * left])

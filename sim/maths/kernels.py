@@ -173,10 +173,10 @@ def lattice_shares(kernel: SmoothingKernel, support: float) -> tuple[float, floa
     return whole, beyond
 
 
-def lattice_pull(kernel: SmoothingKernel, support: float) -> float:
-    """sum_j |dW/dr|/r dx^5 over the cubic lattice's neighbours, kernel normalised to it   [1]."""
+def lattice_pull(kernel: SmoothingKernel, support: float, power: int = 0) -> float:
+    """sum_j |dW/dr|/r (r/dx)^power dx^5 over the cubic lattice's neighbours, kernel normalised to it   [1]."""
     distances = [math.hypot(*p) for p in lattice_points(support) if any(p)]
-    return -float(sum(kernel.slope(d, support) for d in distances)) / lattice_shares(kernel, support)[0]
+    return -sum(float(kernel.slope(d, support)) * d**power for d in distances) / lattice_shares(kernel, support)[0]
 
 
 def wall_fit(kernel: SmoothingKernel, support: float) -> tuple[float, float]:
