@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from sim.explain import Problem
+from sim.preset import expected_speed
 from sim.schema import Config
 
 NOZZLE_SPACINGS = 3
@@ -61,7 +62,23 @@ def warnings(config: Config) -> tuple[str, ...]:
             "cloth.method = explicit_euler without damping gains energy at every dt and fails; set "
             "cloth.explicit_euler.retardation, or take symplectic_euler"
         )
+    if beyond := _beyond(config):
+        found.append(beyond)
     return tuple(found)
+
+
+def _beyond(config: Config) -> str:
+    """Steps that ignore how fast water moves: a pressure solve survives any, and nothing else would tell."""
+    cfl = getattr(getattr(config.fluid, "params", None), "cfl", None)
+    if config.run.dt_limits or not cfl:
+        return ""
+    dt, limit = min(config.run.dt_max, 1.0 / config.run.fps), cfl * config.fluid.spacing / expected_speed(config)
+    if dt <= limit:
+        return ""
+    return (
+        f"run.dt_limits = false: dt = {1e3 * dt:.3g} ms is {dt / limit:.2g} x the water speed limit of "
+        f"{1e3 * limit:.2g} ms; particles pass neighbours unseen, so water loses energy, if it does not fail"
+    )
 
 
 def _run(config: Config) -> list[Problem]:

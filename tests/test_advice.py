@@ -67,6 +67,14 @@ def test_what_the_spacing_does_not_show_is_told(scene_file):
     assert "not seen" in told(scene_file, "fluid.spacing=2.3 mm", "fluid.liquid.surface_tension=0.02")["films"]
 
 
+def test_steps_beyond_the_limit_are_told_before_the_run(scene_file):
+    """5 ms at 2.2 m/s, where 0.4 spacings take 0.36 ms."""
+    long = ("fluid.method=dfsph", "run.dt_max=5 ms")
+    assert "warning" not in told(scene_file, *long)
+    warning = told(scene_file, *long, "run.dt_limits=false")["warning"]
+    assert warning.startswith("run.dt_limits = false: dt = 5 ms is 14 x the water speed limit of 0.36 ms")
+
+
 @pytest.mark.parametrize(
     "setting, words",
     [
