@@ -322,6 +322,28 @@ def test_beyond_the_speeds_limit_dfsph_loses_energy_and_nothing_else(drops):
         assert beyond["gained"] < 1e-13
 
 
+def _failing(path: str) -> dict:
+    """Two iterations, where the halves meet: speeds, steps and what bound each."""
+    world = open_world(path, "fluid.method=dfsph", "fluid.dfsph.iterations_max=2", "run.dt_max=5 ms", precision="f64")
+    before, speeds, steps, taken = _moments(world), [_rms(world)], [], []
+    while world.frame_index < 2:
+        began, frame = world.clock.time, world.frame_index
+        world.step()
+        steps.append((frame, world.clock.time - began, world.clock.bound.name))
+        taken.append(world.build.parts["pressure"].iterations["velocity"])
+        speeds.append(_rms(world))
+    return {"speeds": speeds, "steps": steps, "taken": taken, "gained": np.abs(_moments(world) - before)[:3].max()}
+
+
+def test_a_solve_that_failed_adds_no_energy_and_halves_the_frames_steps(tmp_path_factory):
+    run = spawn(_failing, _scene(tmp_path_factory, DROP))
+    assert run["taken"][0] == 3
+    assert max(run["speeds"]) < 1.0001 * run["speeds"][0] and run["gained"] < 1e-13
+    (_, first, _), (_, second, bound), *_ = run["steps"]
+    assert bound == "failed solve" and second <= 0.5 * first
+    assert next(dt for frame, dt, _ in run["steps"] if frame == 1) > 1.5 * min(dt for _, dt, _ in run["steps"])
+
+
 @pytest.mark.parametrize("case", MOVED, ids=" ".join)
 def test_halving_the_step_shows_each_movers_order(drops, case):
     """Order 1, as Euler's; but 2 under dfsph's pressure alone: what a step's line misses of a curve its way puts right,

@@ -1,12 +1,14 @@
 """Divergence-free SPH: one pressure solve makes velocity right, another the way that particles go."""
 
+import math
+
 import taichi as ti
 
 from sim.fluid.motion import Motion
 from sim.fluid.projection import Projection
 from sim.registry import register
 from sim.schema import Model, option, quantity
-from sim.stage import Build, Stage
+from sim.stage import Build, Limit, Stage
 from sim.state import Row
 
 
@@ -29,7 +31,7 @@ class Dfsph:
         divergence_error: float = quantity(
             0.1, ge=1e-4, le=0.5, why="share of the compression that forces bring in a step which v may keep"
         )
-        iterations_max: int = quantity(100, ge=1, le=100000, why="a cap; the residual ends it sooner")
+        iterations_max: int = quantity(100, ge=1, le=100000, why="its residual ends it sooner, failure half later")
         cfl: float = quantity(0.4, gt=0, le=1, why="dt <= cfl spacing / max speed")
         warm_start: bool = option(True, why="starts from the last step's pressure")
 
@@ -53,6 +55,7 @@ class Dfsph:
         self.motion = Motion(build, terms, params.cfl, way=self.u)
         self.projection = Projection(self)
         self.iterations = {"velocity": 0, "way": 0}
+        self.clock, self.bearable = build.parts["clock"], math.inf
         build.parts["pressure"] = self
 
     def stages(self) -> tuple[Stage, ...]:
@@ -62,7 +65,7 @@ class Dfsph:
         return (
             Stage("density", "prepare", self.prepare, reads, ("fluid.density",)),
             forces,
-            Stage("pressure", "solve", self.solve, reads, ("fluid.v", "fluid.pressure_acceleration")),
+            Stage("pressure", "solve", self.solve, reads, ("fluid.v", "fluid.pressure_acceleration"), self._of_solve),
             move,
         )
 
@@ -71,8 +74,16 @@ class Dfsph:
         self._measure(self.pairs.neighbour, self.pairs.weight, self.pairs.slope)
 
     def solve(self, dt: float) -> None:
-        """Velocity, then way."""
+        """Velocity, then way. One that failed for velocity halves the steps that are left of the frame."""
         self.iterations["velocity"], self.iterations["way"] = self.projection.solve(dt)
+        if self.iterations["velocity"] > self.params.iterations_max:
+            self.bearable = 0.5 * dt
+
+    def _of_solve(self) -> Limit:
+        """A frame begins without: a run that is resumed there knows no more."""
+        if self.clock.elapsed == 0.0:
+            self.bearable = math.inf
+        return Limit(self.bearable, "failed solve")
 
     @ti.func
     def pressure(self, i):

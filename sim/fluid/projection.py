@@ -12,6 +12,10 @@ WORST = 0.03
 overlapping."""
 GROWTH = 8.0
 """[1] A residual that passes its least by this much is running away: momentum alone overshoots two or three times."""
+FAILED = 0.003
+"""[1] A solve that ends with more than this left, in the mean, has failed: taken as it is it would blow water up."""
+CALM = 0.25
+"""Of the lattice's step: without momentum, from no pressure, it cannot push too much, and calms what it leaves."""
 SHORTEST = 0.1
 """[1] Of the lattice's step: four halvings."""
 SAFETY = 0.6
@@ -48,7 +52,7 @@ class Projection:
         dv_i = dt sum_j m_j (kappa_i + kappa_j) (dW/dr)/r ((1 - fall (r'^2 - r^2)) r' - r),  r' at the end of the way.
 
     Where particles clump (light ones, soaked half away), the lattice's step is too long and the residual grows: then
-    a solve starts AGAIN from no pressure at all, with half the step.
+    a solve starts AGAIN from no pressure at all, with half the step; and one that fails a last time, calmly.
     owner: has rows v, kappa, kappa_way, guess, density, diagonal, its params, the pairs and walls, and u, of four
     numbers: three, and one that stays 0. u is left at the way, v at the velocity.
     """
@@ -68,7 +72,7 @@ class Projection:
         capacity = max(owner.state.sizes["fluid"], 1)
         self.sums, self.pushed = ti.Vector.field(4, float, shape=capacity), ti.field(float, shape=capacity)
         self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-owner.state.sizes["fluid"] // BLOCK), 1))
-        self.phase, self.way, self.fresh, self.age = (ti.field(ti.i32, ()) for _ in range(4))
+        self.phase, self.way, self.fresh, self.age, self.calm = (ti.field(ti.i32, ()) for _ in range(5))
         self.iterations = ti.field(ti.i32, 2)
         self.step, self.tolerance, self.first = (ti.field(ti.f64, ()) for _ in range(3))
 
@@ -143,7 +147,7 @@ class Projection:
     @ti.func
     def _enter(self, way):
         """A solve's first iteration is ahead, from the last pressure if that is to be had."""
-        self.way[None], self.iterations[way] = way, 0
+        self.way[None], self.iterations[way], self.calm[None] = way, 0, 0
         self._restart(self.relaxation, 0 if ti.static(self.warm) else 1)
 
     @ti.func
@@ -158,10 +162,18 @@ class Projection:
         left, turned, worst = self._mean()
         self.iterations[way] += 1
         self.first[None] = ti.min(self.first[None], ti.max(left, self.tolerance[None]))
-        self.age[None] = 0 if turned > 0.0 else self.age[None] + 1
+        self.age[None] = 0 if turned > 0.0 or self.calm[None] == 1 else self.age[None] + 1
         more = left > self.tolerance[None] or worst > WORST or ti.math.isnan(left)
-        more = more and self.iterations[way] < self.iterations_max
-        if more:
+        most = self.iterations_max
+        if self.calm[None] == 1:
+            more = more and self.iterations[way] < most + most // 2
+            self.phase[None] = PUSH
+        elif self.iterations[way] >= most:
+            more = more and not left <= FAILED
+            if more:
+                self.calm[None], self.phase[None] = 1, AGAIN
+                self._restart(CALM * self.relaxation, 1)
+        elif more:
             self.phase[None] = PUSH
             if not left <= GROWTH * self.first[None] and self.step[None] > SHORTEST * self.relaxation:
                 self.phase[None] = AGAIN

@@ -46,12 +46,16 @@ def _points(spacing: str) -> tuple[Point, ...]:
     return tuple(Point((f"fluid.method={method}", f"fluid.spacing={spacing}")) for method in ("dfsph", "wcsph"))
 
 
+LONG = Point(("fluid.method=dfsph", "fluid.spacing=3.571875 mm", "run.dt_max=4 ms", "fluid.dfsph.cfl=0.8"))
+"""Twice the step that dfsph asks for: at the column's foot solves fail, and calm water must come of it all the same."""
+
+
 CASE = Case(
     name="dam_break",
     scene="dam_break",
     reference="Martin & Moyce 1952, Table 2",
     bounds={"error": 0.04},
     measure=measure,
-    full=_points("3.571875 mm"),
+    full=(*_points("3.571875 mm"), LONG),
     quick=_points("7.14375 mm"),
 )
