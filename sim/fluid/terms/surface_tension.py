@@ -14,13 +14,15 @@ from sim.state import Row
 HOLD = 3.0
 """[gamma/H] Pull of water on water beside the stress, which alone has no hold on a particle that strays: under 1.5 a
 drop's surface boils, at 5 the liquid freezes into a lattice that rings faster than a liquid would. The outermost
-particles sink in until their half of a neighbourhood is as dense as a whole one, and a crust of 1.7 layers bears more
-than a flat edge of water would: a settled film pulls with 1.17, 1.08 and 1.02 gamma at 2, 2.5 and 3, and a drop of 8
-spacings' radius with 1.36, 1.23 and 1.13."""
+particles sink in until their half of a neighbourhood is as dense as a whole one, a crust of 1.5 layers, and more order
+lies under it: settled films, each stirred anew, pull with 0.91 to 1.00 gamma at support 2.5, 1.01 to 1.05 at 3."""
 HOLD_SHARE = 63.0 / 512.0
 """[1] Tension of a pull of gamma/H over gamma: its planar moment, pi H^-1 int_0^H r^3 W dr."""
-FAINT = 0.3
-"""[1/H] Gradients of colour below this are disorder of the bulk, and pull little."""
+FAINT, PLAIN = 0.1, 0.9
+"""[1/H] Gradients of colour below the first are disorder of the bulk and pull nothing; from the second on, which the
+outermost layer of a flat face reaches, a particle is surface and pulls no harder. Round a drop of 8 spacings' radius
+that layer's gradient is a seventh steeper than on a flat face, as more of its neighbours lie below it: a stress that
+grew with it pulled small drops too hard, and Laplace's pressure rose with 1/R by 18 % too much."""
 
 
 @register("fluid.term", "surface_tension")
@@ -30,9 +32,10 @@ class SurfaceTension:
 
     g = grad of the colour sum_j m_j/rho0 W_ij, solids counted as water: no tension along them. Adhesion is what wets
     them or not, a_i = A/rho0 grad lambda/int lambda dd, lambda the share of W that solids fill: A [N/m] of an area
-    wetted, by Young (1805) gamma cos(theta), and what the hold lacks there. A drop of 9 spacings' radius comes to 68
-    deg where 60 are asked for, to 102 where 90 are; from 105 on, weightless, it lets go.
-    s(g) = sqrt(g^2 + e^2) - e; gamma' so that a flat surface, stress and hold together, pulls with the liquid's gamma.
+    wetted, by Young (1805) gamma cos(theta), and what the hold lacks there. A drop of 9 spacings' radius comes to 67
+    deg where 60 are asked for, to 98 where 90 are; from 105 on, weightless, it lets go.
+    s H = t^2 (3 - 2 t) rises from 0 at |g| = FAINT to 1 at PLAIN; gamma' so that a flat surface, stress and hold
+    together, pulls with the liquid's gamma.
     W = 315/(64 pi H^3) (1 - r^2/H^2)^3 (Mueller 2003, poly6), broader than the kernel that pressure answers with:
     equal ones tear the surface into strings. Pairs' forces are opposite to rounding. Needs a support of 2.5 dx: at 2
     the lattice outweighs the tension. Pairwise cohesion (Akinci 2013) in its place, calibrated by its planar moment,
@@ -57,7 +60,7 @@ class SurfaceTension:
         self.pull, self.cling = (build.state[row.name] for row in self.scratch)
         self.tension, self.rest_density = fluid.liquid.surface_tension, fluid.liquid.rest_density
         self.support_radius, self.h = fluid.support_radius, 0.5 * fluid.support_radius
-        self.faint = FAINT / fluid.support_radius
+        self.faint, self.plain = FAINT / fluid.support_radius, PLAIN / fluid.support_radius
         self.inverse_sq = 1.0 / fluid.support_radius**2
         self.slope = -315.0 * 6.0 / (64.0 * math.pi * fluid.support_radius**5)
         self.stress = self.tension * (1.0 - HOLD * HOLD_SHARE) / _planar_moment() / self.rest_density**2
@@ -94,7 +97,8 @@ class SurfaceTension:
                 r = self.pairs.apart(x, j)
                 g += self.mass[j] / self.rest_density * self._slope(r, slope[k] * r) * r
             size = g.norm()
-            self.pull[i] = (ti.sqrt(size * size + self.faint * self.faint) - self.faint) / ti.max(size, 1e-12) * g
+            t = ti.min(ti.max((size - self.faint) / (self.plain - self.faint), 0.0), 1.0)
+            self.pull[i] = t * t * (3.0 - 2.0 * t) / (self.support_radius * ti.max(size, 1e-12)) * g
 
     @ti.func
     def acceleration(self, i, j, r, gradient):
@@ -129,9 +133,10 @@ class SurfaceTension:
 def _planar_moment() -> float:
     """int_0^H s(|g|) c dz below a flat surface, H = 1, where c is colour and |g| = dc/dz = 315/256 (1 - z^2)^4.
 
-    c, because a layer's stress is borne by pairs, of which the surface leaves that share; 3/8 were it not for FAINT.
+    c, because a layer's stress is borne by pairs, of which the surface leaves that share.
     """
     z = (np.arange(4096) + 0.5) / 4096
     g = 315.0 / 256.0 * (1.0 - z * z) ** 4
     c = 0.5 + (np.cumsum(g) - 0.5 * g) / len(z)
-    return float(np.mean((np.sqrt(g * g + FAINT * FAINT) - FAINT) * c))
+    t = np.clip((g - FAINT) / (PLAIN - FAINT), 0.0, 1.0)
+    return float(np.mean(t * t * (3.0 - 2.0 * t) * c))
