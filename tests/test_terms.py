@@ -141,6 +141,45 @@ def test_a_thick_wave_dies_as_backward_euler_has_it_at_eighteen_times_the_explic
     assert first > second > 0.0 and np.max(wave["drift"]) < 1e-6
 
 
+def _explicit_wave(path: str) -> str:
+    world = open_world(path, 'fluid.terms=["viscosity"]')
+    field, count = world.state["fluid.v"], int(world.state.count[None])
+    v = field.to_numpy()
+    v[:count, 0] = 0.1 * np.sin(2.0 * np.pi * row(world, "x")[:, 1] / 0.12)
+    field.from_numpy(v)
+    world.clock.obeys = False
+    try:
+        for _ in range(12):
+            world.advance()
+    except DivergedError as error:
+        return str(error)
+    return "held"
+
+
+def test_the_same_wave_explodes_with_explicit_viscosity_at_that_step(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(WAVE)
+    said = spawn(_explicit_wave, str(path))
+    assert "exploding" in said and "viscosity limit" in said
+
+
+def _honey() -> dict:
+    from sim.studies.water.honey import measure
+
+    world = open_world("honey", "fluid.spacing=2.5 mm", "run.duration=0.8 s", quick=True)
+    found = measure(world)
+    water = int(world.state.count[None]) * world.config.fluid.spacing**3
+    poured = world.config.emitter["spoon"].rate * world.clock.time
+    return found | {"share": water / poured, "dt": world.clock.time / world.clock.step}
+
+
+def test_honey_spreads_as_slowly_as_it_should_and_stays_on_its_plate():
+    """A tenth of its viscosity comes 15 % farther; a step at explicit viscosity's limit is 0.17 ms."""
+    honey = spawn(_honey)
+    assert honey["error"] < 0.06 and honey["dt"] > 1e-3
+    assert honey["lowest"] > 0.0 and honey["speed"] < 1.2 and honey["share"] == pytest.approx(1.0, abs=0.05)
+
+
 def _caps() -> list[float]:
     """Heights of a small drop's middle [mm] on plates that it meets at 30 and at 80 degrees."""
     world = open_world("sessile", "fluid.spacing=0.36 mm", "fluid.liquid.nu=1e-4 m^2/s")

@@ -1,7 +1,7 @@
 """Drops at rest: the surface tension that their inner pressure shows.
 
-Of 12 and 16 spacings' radius they show Laplace's pressure within 2 %, of 8, where the tension's kernel reaches far into
-what is called inside, 6 % more at support 2.5 and 10 % at 3: which tilts the slope by 14 and by 20 %.
+Over three ways to stir them the slope comes to 4 to 7 % less than gamma, and to 10 to 14 % more of the radius that the
+drops' water fills.
 """
 
 import numpy as np
@@ -59,7 +59,7 @@ CASE = Case(
     name="drops_at_rest",
     scene="drops_at_rest",
     reference="Laplace 1805: p = 2 gamma/R",
-    bounds={"error": 0.15},
+    bounds={"error": 0.1, "error_at_rim": 0.2},
     measure=measure,
     full=(Point(("fluid.support=2.5",)),),
     quick=(),
