@@ -164,9 +164,9 @@ def test_the_same_wave_explodes_with_explicit_viscosity_at_that_step(tmp_path):
 
 
 def _honey() -> dict:
-    from sim.studies.water.honey import measure
+    from sim.studies.water.honey import SLOWLY, measure
 
-    world = open_world("honey", "fluid.spacing=2.5 mm", "run.duration=0.8 s", quick=True)
+    world = open_world("honey", *SLOWLY, "fluid.spacing=2.5 mm", "run.duration=0.8 s", quick=True)
     found = measure(world)
     water = int(world.state.count[None]) * world.config.fluid.spacing**3
     poured = world.config.emitter["spoon"].rate * world.clock.time
