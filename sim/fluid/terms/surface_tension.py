@@ -35,8 +35,8 @@ class SurfaceTension:
 
     g = grad of the colour sum_j m_j/rho0 W_ij, solids counted as water: no tension along them. Adhesion is what wets
     them or not, a_i = A/rho0 grad lambda/int lambda dd, lambda the share of W that solids fill: A [N/m] of an area
-    wetted, by Young (1805) gamma cos(theta), and what the hold lacks there. A drop of 9 spacings' radius comes to 67
-    deg where 60 are asked for, to 98 where 90 are; from 105 on, weightless, it lets go.
+    wetted, by Young (1805) gamma cos(theta), and what the hold lacks there. A drop of 9 spacings' radius comes to 65
+    deg where 60 are asked for, to 97 where 90 are; from 105 on, weightless, it lets go.
     s H = t^2 (3 - 2 t) rises from 0 at |g| = FAINT to 1 at PLAIN; gamma' so that a flat surface, stress and hold
     together, pulls with the liquid's gamma.
     W = 315/(64 pi H^3) (1 - r^2/H^2)^3 (Mueller 2003, poly6), broader than the kernel that pressure answers with:

@@ -35,7 +35,7 @@ CASE = Case(
     name="sessile",
     scene="sessile",
     reference="Young 1805: a cap of the asked contact angle",
-    bounds={"error": 0.15},
+    bounds={"error": 0.12},
     measure=measure,
     full=tuple(Point((f"fluid.surface_tension.contact_angle={angle} deg",)) for angle in (60, 90)),
     quick=(),
