@@ -53,7 +53,7 @@ def _pinch(world, dt: float = 1e-3) -> dict:
         state[f"cloth.{name}"].from_numpy(values.astype(np.float32))
     state["fluid.x"].from_numpy(water)
     state["fluid.v"].fill(0.0)
-    contact.sheet.begin(0.01)
+    contact.sides.run(dt)
     contact.catch.begin()
     state["cloth.x"].from_numpy((x * [1.0, 1.0, -1.0]).astype(np.float32))
     before, counts = _momentum(world), contact.counts()

@@ -5,6 +5,7 @@ import taichi.math as tm
 
 from sim import runtime
 from sim.cloth.zones import join, root
+from sim.coupling.sheet import MORE, ROUNDING
 from sim.maths.ccd import EXACT, first_hit
 from sim.search.boxes import overlap
 
@@ -27,31 +28,33 @@ CLEARANCE = 0.05
 class Catch:
     """reads and writes fluid.x, fluid.v, cloth.x, cloth.v.
 
-    A particle that crossed is put over the end triangle. If no place is found for one, it is pinched, and the step is
-    taken back, to be gone anew in halves: water and sheet stand and move as they did before it, but for the pinched and
-    their triangles, which go on with their mean velocity. (To hold only these back tears at the sheet: 6 mm in a
-    substep are 60 m/s.) In a SHORT step they are tied instead: what is pinched, the triangles about it and all that
-    these pinch go one way, their mean, with one speed, so that they cannot cross (as rigid impact zones, Provot 1997).
-    Not where the sheet feels itself: its layers keep room between them, and ties might move one through another.
+    gap: how far each particle was from the sheet as the step began, or less (see sim.coupling.sides). Who went no
+    farther is not asked. A particle that crossed is put over the end triangle. If no place is found for one, it is
+    pinched, and the step is taken back, to be gone anew in halves: water and sheet stand and move as they did before
+    it, but for the pinched and their triangles, which go on with their mean velocity. (To hold only these back tears at
+    the sheet: 6 mm in a substep are 60 m/s.) In a SHORT step they are tied instead: what is pinched, the triangles
+    about it and all that these pinch go one way, their mean, with one speed, so that they cannot cross (as rigid impact
+    zones, Provot 1997). Not where the sheet feels itself: its layers keep room between them, and ties might move one
+    through another.
 
-    acts, undone, tied, leaks: totals of particles caught, of steps taken back, of particles tied, and of crossings left
-    (0-D, i32).
+    acts, undone, tied, leaks: totals of particles caught, once each in a step, of steps taken back, of particles tied,
+    and of crossings left (0-D, i32).
     """
 
-    def __init__(self, build, sheet, boxes):
+    def __init__(self, build, sheet, boxes, gap):
         state = build.state
         self.state_count = state.count
         self.x, self.v, self.mass = state["fluid.x"], state["fluid.v"], state["fluid.mass"]
         self.node_v, self.node_w = state["cloth.v"], state["cloth.inv_mass"]
         self.node_v0 = ti.Vector.field(3, float, shape=self.node_v.shape)
-        self.sheet, self.boxes = sheet, boxes
+        self.sheet, self.boxes, self.gap = sheet, boxes, gap
         self.clearance = CLEARANCE * build.config.fluid.spacing
         capacity = state.sizes["fluid"]
         self.few = runtime.few(capacity)
         self.ties = build.config.cloth.self_contact is None
         self.x0 = ti.Vector.field(3, float, shape=capacity)
         self.v0 = ti.Vector.field(3, float, shape=capacity)
-        self.crossed = ti.field(ti.i32, shape=capacity)
+        self.crossed, self.acted = (ti.field(ti.i32, shape=capacity) for _ in range(2))
         self.acts, self.undone, self.tied, self.leaks = (ti.field(ti.i32, shape=()) for _ in range(4))
         nodes = self.node_v.shape[0]
         self.tie, self.zone = ti.field(ti.i32, shape=capacity), ti.field(ti.i32, shape=nodes)
@@ -69,15 +72,15 @@ class Catch:
         for i in range(self.state_count[None]):
             self.x0[i] = self.x[i]
             self.v0[i] = self.v[i]
-            self.tie[i] = -1
         ti.loop_config(serialize=self.few)
         for n in self.node_v:
             self.node_v0[n] = self.node_v[n]
-            self.zone[n] = n
 
     def run(self, dt: float) -> bool:
         """Find who crossed, and put them back. True if the whole step had to be taken back."""
-        self.find()
+        if not self.find():
+            return False
+        self._untie()
         pinched = self._put_back() > 0
         if pinched and dt <= SHORT and self.ties:
             pinched = not self._hold()
@@ -96,11 +99,30 @@ class Catch:
                 return True
         return False
 
-    def find(self) -> None:
-        """crossed[i] = the first triangle that x0 -> x passes, or -1."""
-        self.sheet.bound_sweep(1e-6)
-        self.boxes.refit(self.sheet.low, self.sheet.high)
-        self._find()
+    @ti.kernel
+    def _untie(self):
+        """Nobody has been caught yet in this step."""
+        for i in range(self.state_count[None]):
+            self.tie[i], self.acted[i] = -1, 0
+        for n in self.zone:
+            self.zone[n] = n
+
+    @ti.kernel
+    def find(self) -> ti.i32:
+        """crossed[i] = the first triangle that x0 -> x passes, or -1; returns how many there are."""
+        farthest = 0.0
+        ti.loop_config(serialize=self.few)
+        for n in self.sheet.x:
+            ti.atomic_max(farthest, (self.sheet.x[n] - self.sheet.x0[n]).norm_sqr())
+        self.sheet.moved[None] = MORE * ti.sqrt(farthest)
+        count = 0
+        for i in range(self.state_count[None]):
+            way, found = (self.x[i] - self.x0[i]).norm() + self.sheet.moved[None], -1
+            if self.gap[i] <= MORE * way + ROUNDING:
+                found, _, _w = self.first_crossing(i)
+            self.crossed[i] = found
+            count += found >= 0
+        return count
 
     @ti.kernel
     def count_leaks(self):
@@ -108,25 +130,21 @@ class Catch:
         for i in range(self.state_count[None]):
             self.leaks[None] += self.crossed[i] >= 0
 
-    @ti.kernel
-    def _find(self):
-        for i in range(self.state_count[None]):
-            t, _, _w = self.first_crossing(self.x0[i], self.x[i])
-            self.crossed[i] = t
-
     @ti.func
-    def first_crossing(self, x0, x1):
-        """(triangle or -1, time 0..1, barycentric weights) of the first crossing of the moving sheet by x0 -> x1."""
-        low, high = ti.min(x0, x1), ti.max(x0, x1)
+    def first_crossing(self, i):
+        """(triangle or -1, time 0..1, barycentric weights) of particle i's first crossing of the moving sheet."""
+        x0, x1, gap = self.x0[i], self.x[i], self.gap[i]
         found = -1
         weights = tm.vec3(0.0)
         best = ti.cast(2.0, ti.f64)
+        grown = self.sheet.moved[None] + ROUNDING
+        low, high = ti.min(x0, x1) - grown, ti.max(x0, x1) + grown
         walk = self.boxes.begin(low, high)
         while walk[0] < walk[1]:
             walk, first, last = self.boxes.next(walk, low, high)
             for s in range(first, last):
                 p = self.boxes.slots[s]
-                if overlap(low, high, self.sheet.low[p], self.sheet.high[p]):
+                if overlap(low, high, self.sheet.low[p], self.sheet.high[p]) and self.sheet.may_meet(p, x0, x1, gap):
                     for t in range(2 * p, 2 * p + 2):
                         a0, b0, c0 = self.sheet.points_before(t)
                         a1, b1, c1 = self.sheet.points(t)
@@ -144,10 +162,11 @@ class Catch:
         ti.loop_config(serialize=True)
         for i in range(self.state_count[None]):
             if self.crossed[i] >= 0:
-                self.acts[None] += 1
+                self.acts[None] += 1 - self.acted[i]
+                self.acted[i] = 1
                 attempt = 0 if self.tie[i] < 0 else PASSES
                 while self.crossed[i] >= 0 and attempt < PASSES:
-                    t, time, w = self.first_crossing(self.x0[i], self.x[i])
+                    t, time, w = self.first_crossing(i)
                     self.crossed[i] = t
                     if t >= 0:
                         self._place(i, t, time, w, self.clearance * 0.5**attempt)

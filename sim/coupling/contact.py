@@ -39,7 +39,7 @@ class Contact:
         self.boxes = search(self.sheet.patch_count)
         self.sides = Sides(build, self.sheet, self.boxes, reach)
         self.layer = Layer(build, self.sheet)
-        self.catch = Catch(build, self.sheet, self.boxes)
+        self.catch = Catch(build, self.sheet, self.boxes, self.sides.gap)
         self.touched, self.took_back = self.layer.touched, False
         build.parts["contact"] = self
         build.parts.setdefault("guests", []).append(self.layer)

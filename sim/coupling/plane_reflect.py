@@ -37,7 +37,9 @@ class PlaneReflect:
         self.thickness = build.scene.sheet.thickness
         self.sheet = SheetGeometry(build, build.config.fluid.support_radius)
         self.boxes = method("search.boxes", build.config.coupling.search)(self.sheet.patch_count)
-        self.catch = Catch(build, self.sheet, self.boxes)
+        self.low, self.high = (ti.Vector.field(3, float, shape=self.sheet.patch_count) for _ in range(2))
+        unknown = ti.field(float, shape=state.sizes["fluid"])  # 0: everybody is asked
+        self.catch = Catch(build, self.sheet, self.boxes, unknown)
         self.touched = self.catch.acts
         build.parts["contact"] = self
 
@@ -63,13 +65,14 @@ class PlaneReflect:
         return {"acts": self.catch.acts, "leaks": self.catch.leaks}
 
     def _begin(self, dt: float) -> None:
-        self.sheet.begin(0.0)
+        self.sheet.begin()
         self.catch.begin()
 
     def _run(self, dt: float) -> None:
         self._bound()
-        self.boxes.build(self.sheet.low, self.sheet.high)
+        self.boxes.build(self.low, self.high)
         self._reflect()
+        self.boxes.build(self.sheet.low, self.sheet.high)
         self.catch.find()
         self.catch.count_leaks()
 
@@ -77,10 +80,10 @@ class PlaneReflect:
     def _bound(self):
         """Boxes of the patches as they stand, at least one thickness thick."""
         for p in range(self.sheet.patch_count):
-            low, high = self.sheet.box(p, self.sheet.x)
+            low, high = self.sheet.box(p)
             grown = ti.max(0.5 * (self.thickness - (high - low)), 0.0)
-            self.sheet.low[p] = low - grown
-            self.sheet.high[p] = high + grown
+            self.low[p] = low - grown
+            self.high[p] = high + grown
 
     @ti.kernel
     def _reflect(self):
@@ -92,7 +95,7 @@ class PlaneReflect:
                 walk, first, last = self.boxes.next(walk, x1, x1)
                 for s in range(first, last):
                     p = self.boxes.slots[s]
-                    if overlap(x1, x1, self.sheet.low[p], self.sheet.high[p]):
+                    if overlap(x1, x1, self.low[p], self.high[p]):
                         for t in range(2 * p, 2 * p + 2):
                             a, b, c = self.sheet.points(t)
                             if t < found and plane_crossing(x0, x1, a, a, b, b, c, c, 0.0)[0] <= 1.0:
