@@ -21,6 +21,8 @@ BOUNCES = 0.4
 PATIENCE = 0.02
 """[s] The pull that a particle feels on the cloth follows its pressure over this time. Pressure answers to the cloth a
 step late; fed back at once the water over a layer bounces on it, seventeen steps a bounce and 6 % damped."""
+EDGES = 2
+"""That a particle may pass from triangle to triangle in a substep."""
 REACH = 1.1
 """[dx] Particles nearer than this at the start of a step belong to the layer."""
 
@@ -60,8 +62,8 @@ class Layer:
         self.rubs = ti.field(ti.i32, shape=capacity)
         self.row, self.at = ti.field(ti.i32, shape=capacity), ti.field(ti.i32, shape=capacity)
         self.weight, self.face, self.gap, self.push = (ti.field(self.real, shape=capacity) for _ in range(4))
-        self.place, self.start, self.speed, self.pull, self.normal, self.share = (
-            ti.Vector.field(3, self.real, shape=capacity) for _ in range(6)
+        self.place, self.speed, self.pull, self.normal, self.share = (
+            ti.Vector.field(3, self.real, shape=capacity) for _ in range(5)
         )
 
     @property
@@ -99,7 +101,7 @@ class Layer:
     def end(self, dt: float):
         """Put it back so that `x += dt v` of the mover ends where the substeps ended; the pressure that they expected
         is taken off again, since the solve gives all of it."""
-        ti.loop_config(serialize=self.few)
+        ti.loop_config(serialize=True)
         for s in range(self.count[None]):
             i = self.row[s]
             self.x[i] = ti.cast(self.place[s] - dt * self.speed[s], float)
@@ -108,82 +110,85 @@ class Layer:
 
     @ti.func
     def predict(self, h):
-        """Gravity, terms and last step's pressure; then the free move."""
-        self.elapsed[None] += h
-        for s in range(self.count[None]):
-            v = self.speed[s] + h * self.pull[s]
-            self.speed[s] = v
-            self.start[s] = self.place[s]
-            self.place[s] += h * v
+        """Nothing: each goes on as its turn in `project` comes."""
 
     @ti.func
     def project(self, h):
-        """One sweep over all contacts."""
+        """Gravity, terms and last step's pressure, the free move; and one sweep over all contacts."""
+        self.elapsed[None] += h
         for s in range(self.count[None]):
-            self._find_plane(s)
-            rest = ti.min(OFFSET * self.dx, self.gap[s] + PUSH_OUT * self.elapsed[None])
-            missing = rest - self.push[s]
-            self.rubs[s] = self.push[s] < TOUCH * self.dx
+            v = self.speed[s] + h * self.pull[s]
+            x = self.place[s] + h * v
+            t, gap, n, b = self._find_plane(x, self.at[s], self.face[s])
+            self.at[s], self.normal[s], self.share[s] = t, n, b
+            self.rubs[s] = gap < TOUCH * self.dx
             self.push[s] = 0.0
+            missing = ti.min(OFFSET * self.dx, self.gap[s] + PUSH_OUT * self.elapsed[None]) - gap
             if missing > 0.0:
-                corner, b, n = self.sheet.corner[self.at[s]], self.share[s], self.normal[s]
+                corner = self.sheet.corner[t]
                 push = missing / self._effective(s)
                 self.push[s] = push
-                self.place[s] += self.weight[s] * push * n
+                x += self.weight[s] * push * n
+                v += self.weight[s] * push / h * n
                 for k in range(3):
                     self.cloth.shift(corner[k], -self.cloth.weight(corner[k]) * b[k] * push * n)
                     impulse = ti.cast(b[k] * push / h, float)
                     self.push_front[corner[k]] += impulse * (self.face[s] > 0.0)
                     self.push_back[corner[k]] += impulse * (self.face[s] < 0.0)
                 self.touched[None] = 1
+            self.place[s], self.speed[s] = x, v
 
     @ti.func
     def finish(self, h):
-        """Velocities; drag of those that touch and restitution of those in contact, opposite impulse to the sheet."""
+        """Drag of those that touch and restitution of those in contact, opposite impulse to the sheet."""
         for s in range(self.count[None]):
-            v_free = self.speed[s]
-            v = (self.place[s] - self.start[s]) / h
             if self.rubs[s]:
                 corner, b, n = self.sheet.corner[self.at[s]], self.share[s], self.normal[s]
-                v_sheet = ti.Vector([0.0, 0.0, 0.0], self.real)
+                r = self.speed[s]
                 for k in range(3):
-                    v_sheet += b[k] * self.cloth.velocity(corner[k])
-                impulse = self._rub(v - v_sheet, n, h, self.weight[s], self._effective(s))
+                    r -= b[k] * self.cloth.velocity(corner[k])
+                w = self._effective(s)
+                impulse = self._rub(r, n, h, self.weight[s], w)
                 if ti.static(self.restitution > 0.0):
-                    impulse += self._bounce(v - v_sheet, (v_free - v_sheet).dot(n), n, self._effective(s)) * (
-                        self.push[s] > 0.0
-                    )
+                    if self.push[s] > 0.0:
+                        impulse += self._bounce(r, r.dot(n) - self.weight[s] * self.push[s] / h, n, w)
                 for k in range(3):
                     self.cloth.push(corner[k], -self.cloth.weight(corner[k]) * b[k] * impulse)
-                v += self.weight[s] * impulse
-            self.speed[s] = v
+                self.speed[s] += self.weight[s] * impulse
 
     @ti.func
-    def _find_plane(self, s):
-        """Follow the projection over at most two edges; leaves at, normal, share, and in push the gap (far: 1 m)."""
-        x, side = self.place[s], self.face[s]
-        edges, done = 0, False
-        while not done:
-            c = self.sheet.corner[self.at[s]]
-            n, height, w = plane_gap(x, self.cloth.position(c[0]), self.cloth.position(c[1]), self.cloth.position(c[2]))
-            self.push[s] = side * height
-            done = True
-            if w.min() < 0.0 and edges < 2:
+    def _find_plane(self, x, at, side):
+        """(triangle under x, gap (far: 1 m), normal, weights of its corners), over at most two edges from `at`."""
+        n, w, gap = (
+            ti.Vector([0.0, 0.0, 0.0], self.real),
+            ti.Vector([0.0, 0.0, 0.0], self.real),
+            ti.cast(1.0, self.real),
+        )
+        turn = 0
+        while turn <= EDGES:
+            c = self.sheet.corner[at]
+            n, gap, w = plane_gap(x, self.cloth.position(c[0]), self.cloth.position(c[1]), self.cloth.position(c[2]))
+            gap *= side
+            beyond = w.min() < 0.0
+            if beyond and turn < EDGES:
                 k = 0
                 if w[1] < w[0]:
                     k = 1
                 if w[2] < ti.min(w[0], w[1]):
                     k = 2
-                beside = self.sheet.beside[self.at[s]][k]
-                edges += 1
+                beside = self.sheet.beside[at][k]
                 if beside < 0:
-                    self.push[s] = 1.0
+                    gap = 1.0
+                    turn = EDGES
                 else:
-                    self.at[s] = beside
-                    done = False
-            self.normal[s] = side * n
+                    at = beside
+                turn += 1
+            else:
+                turn = EDGES + 1
+        if w.min() < 0.0:
             w = ti.max(w, 0.0)
-            self.share[s] = w / w.sum()
+            w /= w.sum()
+        return at, gap, side * n, w
 
     @ti.func
     def _effective(self, s):
@@ -199,8 +204,8 @@ class Layer:
         """Impulse of the film's drag, implicit: dr/dt = -(3 nu/d^2 + friction |r|/(2 d)) r along the surface [N s]."""
         tangent = r - r.dot(n) * n
         rate = self.viscous_rate + self.rough_rate * tangent.norm()
-        k = h * rate * w / w_point
-        return -k / (1.0 + k) / w * tangent
+        k = h * rate / w_point
+        return -k / (1.0 + k * w) * tangent
 
     @ti.func
     def _bounce(self, r, arriving, n, w):

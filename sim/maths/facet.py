@@ -43,9 +43,9 @@ def plane_gap(x, a, b, c):
     """(unit normal n, n . (x - a), weights of the projection of x on the plane, unclamped)."""
     u, v, q = b - a, c - a, x - a
     n = u.cross(v)
-    area_sq = ti.max(n.norm_sqr(), 1e-30)
-    w1, w2 = q.cross(v).dot(n) / area_sq, u.cross(q).dot(n) / area_sq
-    n = n / ti.sqrt(area_sq)
+    inverse = 1.0 / ti.max(n.norm_sqr(), 1e-30)
+    w1, w2 = inverse * q.cross(v).dot(n), inverse * u.cross(q).dot(n)
+    n *= ti.sqrt(inverse)
     return n, q.dot(n), ti.Vector([1.0 - w1 - w2, w1, w2])
 
 
