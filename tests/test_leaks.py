@@ -36,8 +36,34 @@ def _ours() -> dict:
     """Slow and fast, by small and large steps, at each kind of sheet; and a pinch."""
     slow_and_fast = ((0.3, 5e-3), (10.0, 1e-3), (100.0, 1e-4))
     throws = tuple((cloth, *s) for cloth in ("flat", "folded", "moving") for s in slow_and_fast)
-    *rows, pinch, short = _throws("ccd", 5e-4, throws, _pinch, lambda world: _pinch(world, 5e-5))
-    return {"throws": rows, "pinch": pinch, "short": short}
+    *rows, pinch, short, asked = _throws("ccd", 5e-4, throws, _pinch, lambda world: _pinch(world, 5e-5), _asked)
+    return {"throws": rows, "pinch": pinch, "short": short, "asked": asked}
+
+
+def _asked(world) -> dict:
+    """Water that goes some way, each its own, at a folded sheet that moves; who crossed, if only those whose gap lets
+    them are asked, and if all are. gap, and the distance from the nearest of some places on each triangle."""
+    from sim.studies import leaks
+
+    leaks.place(world, "folded", 60.0)
+    state, contact, random = world.state, world.build.parts["contact"], np.random.default_rng(3)
+    contact.sides.run(1e-3)
+    contact.catch.begin()
+    living, corners = int(state.count[None]), world.scene.sheet.triangles
+    gap, x, sheet = (f.to_numpy() for f in (contact.sides.gap, state["fluid.x"], state["cloth.x"]))
+    shares = random.dirichlet((0.5, 0.5, 0.5), 12)
+    places = np.einsum("sk,tkd->std", shares, sheet[corners]).reshape(-1, 3)
+    nearest = np.array([np.linalg.norm(places - at, axis=1).min() for at in x[:living]])
+    x[:living] += 1e-3 * random.uniform(0.0, 1.0, (living, 1)) ** 2 * state["fluid.v"].to_numpy()[:living]
+    state["fluid.x"].from_numpy(x)
+    state["cloth.x"].from_numpy(sheet + np.float32(1e-3) * np.sin(40.0 * sheet[:, [1]]).astype(np.float32))
+    crossed = []
+    for all_are_asked in (False, True):
+        if all_are_asked:
+            contact.sides.gap.fill(0.0)
+        contact.catch.find()
+        crossed.append(contact.catch.crossed.to_numpy()[:living])
+    return {"crossed": crossed, "gap": gap[:living], "nearest": nearest}
 
 
 def _pinch(world, dt: float = 1e-3) -> dict:
@@ -82,6 +108,18 @@ def test_nothing_gets_through_at_any_speed_and_step(ours):
     assert set(COLUMNS) <= set(throws[0]) | {"contact", "thickness"}
     assert all(row["below"] == 0 for row in throws if row["cloth"] == "flat")
     assert sum(row["caught"] for row in throws) > 100
+
+
+def test_who_is_not_asked_has_not_crossed(ours):
+    some, everyone = ours["asked"]["crossed"]
+    assert np.array_equal(some, everyone)
+    assert 0.1 < (everyone >= 0).mean() < 0.9
+
+
+def test_no_place_of_the_sheet_is_nearer_than_the_gap(ours):
+    gap, nearest = ours["asked"]["gap"], ours["asked"]["nearest"]
+    assert (0.999 * gap <= nearest).all()
+    assert 0.05 < (gap < gap.max()).mean()
 
 
 def test_a_step_that_pinches_water_is_taken_back_and_keeps_momentum(ours):
