@@ -81,7 +81,7 @@ def _cube(path: str) -> dict:
     found |= {"after": _roundness(world), "last": _moments(world), "dt": world.clock.time / world.clock.step}
     world.load(start)
     world.clock.obeys = False
-    world.clock.cap = world.clock.cap._replace(seconds=12.0 * limit)
+    world.clock.cap = world.clock.cap._replace(seconds=32.0 * limit)
     try:
         for _ in range(6):
             world.advance()
@@ -125,8 +125,9 @@ def test_tension_pulls_a_cube_round_and_leaves_its_momentum(cube):
 
 
 def test_a_step_far_beyond_the_limit_of_tension_fails_and_the_guard_names_it(cube):
-    """At 8 times the limit this cube, twenty times as thick as water, still holds."""
-    assert "exploding" in cube["said"] and "x the surface tension limit of 0.17 ms" in cube["said"]
+    """This cube is twenty times as thick as water: it holds at 8 times the limit, and from 10 times on is torn apart,
+    no faster than splashes are."""
+    assert "imploding" in cube["said"] and "x the surface tension limit of 0.17 ms" in cube["said"]
 
 
 def test_a_thick_wave_dies_as_backward_euler_has_it_at_eighteen_times_the_explicit_limit(tmp_path):

@@ -52,6 +52,8 @@ class Dfsph:
         self.u = ti.Vector.field(4, float, shape=capacity)
         self.support, self.spacing = build.config.fluid.support, build.config.fluid.spacing
         self.rest_density = build.config.fluid.liquid.rest_density
+        met = (build.config.solid, build.config.cloth, build.config.space.periodic)
+        self.free = not any(met)  # what water meets takes its spin, and periodic space knows none
         self.motion = Motion(build, terms, params.cfl, way=self.u)
         self.projection = Projection(self)
         self.iterations = {"velocity": 0, "way": 0}

@@ -45,16 +45,17 @@ class Projection:
         START, DEMAND, (PUSH, RELAX) ...     of the velocity
         TAKE, (PUSH, RELAX) ..., TURN        of the way
 
-    TURN keeps the spin. The way moves particles and leaves v as it is, so sum m x cross v would drift. But a push along
-    the lines on which pairs begin, and its opposite along the lines on which they end, both keep it to rounding: with
-    the one, the velocity is what moves the particle; after the other, it is nearly v again. What is left is
+    TURN keeps the spin of water that meets nothing. The way moves particles and leaves v as it is, so sum m x cross v
+    would drift. But a push along the lines on which pairs begin, and its opposite along the lines on which they end,
+    both keep it to rounding: with the one, the velocity is what moves the particle; after the other, it is nearly v
+    again. Beside walls it would cost a sweep and keep nothing, and the lift on small solids suffers. What is left is
 
         dv_i = dt sum_j m_j (kappa_i + kappa_j) (dW/dr)/r ((1 - fall (r'^2 - r^2)) r' - r),  r' at the end of the way.
 
     Where particles clump (light ones, soaked half away), the lattice's step is too long and the residual grows: then
     a solve starts AGAIN from no pressure at all, with half the step; and one that fails a last time, calmly.
-    owner: has rows v, kappa, kappa_way, guess, density, diagonal, its params, the pairs and walls, and u, of four
-    numbers: three, and one that stays 0. u is left at the way, v at the velocity.
+    owner: free, whether its water meets nothing; has rows v, kappa, kappa_way, guess, density, diagonal, its params,
+    the pairs and walls, and u, of four numbers: three, and one that stays 0. u is left at the way, v at the velocity.
     """
 
     def __init__(self, owner):
@@ -65,12 +66,13 @@ class Projection:
         pull, second, fourth = (lattice_pull(self.pairs.kernel, owner.support, power) for power in (0, 2, 4))
         self.loosest = TIGHT * owner.spacing**2 / (pull * owner.rest_density)
         self.fall = FALL * second / (fourth * owner.spacing**2)
-        self.spins = not self.pairs.torus.axes  # periodic space has no angular momentum
+        self.spins = owner.free
         p = owner.params
         self.warm, self.iterations_max = p.warm_start, p.iterations_max
         self.share, self.density_error = p.divergence_error, p.density_error
         capacity = max(owner.state.sizes["fluid"], 1)
-        self.sums, self.pushed = ti.Vector.field(4, float, shape=capacity), ti.field(float, shape=capacity)
+        self.sums = ti.Vector.field(4, float, shape=capacity)
+        self.pushed = ti.field(float, shape=capacity if self.spins else 1)
         self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-owner.state.sizes["fluid"] // BLOCK), 1))
         self.phase, self.way, self.fresh, self.age, self.calm = (ti.field(ti.i32, ()) for _ in range(5))
         self.iterations = ti.field(ti.i32, 2)
@@ -265,6 +267,7 @@ class Projection:
         new = ti.max(guess + step * (rate - lack) / (dt * diagonal), 0.0)
         self._keep(i, way, new)
         self.o.guess[i] = ti.max(new + ahead * (new - old), 0.0)
-        self.pushed[i] = guess * ti.math.clamp(2.0 - 2.0 * dt * dt * guess / self.loosest, 0.0, 1.0)
+        if ti.static(self.spins):
+            self.pushed[i] = guess * ti.math.clamp(2.0 - 2.0 * dt * dt * guess / self.loosest, 0.0, 1.0)
         left = diagonal * dt * dt / rho0
         return ti.Vector([ti.abs(new - guess) * left / step, (guess - new) * (new - old) * left])
