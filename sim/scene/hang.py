@@ -51,7 +51,10 @@ def hang(cloth: Any, uv: np.ndarray, shape: tuple[int, int], owner: np.ndarray) 
     hearts = np.unique(owner[owner >= 0])
     held_at = np.column_stack([(1.0 - cloth.slack) * flat[hearts], np.zeros(len(hearts))])
     place = sag + _blend(uv, uv[hearts]) @ (held_at - sag[hearts])
-    place[:, 2] *= _shallower(place.reshape(*shape, 3), cloth.spacing)
+    border = np.ones(shape, bool)
+    border[1:-1, 1:-1] = False
+    if (owner.reshape(shape)[border] >= 0).all():
+        place[:, 2] *= _shallower(place.reshape(*shape, 3), cloth.spacing)
     held = np.flatnonzero(owner >= 0)
     rank = np.searchsorted(hearts, owner[held])
     place[held] = held_at[rank] + np.column_stack([uv[held] - uv[owner[held]], np.zeros(len(held))])
