@@ -143,5 +143,6 @@ def _clear_stale_lock() -> None:
     old = time.time() - 120.0  # a live lock is held for well under a second
     if folder.is_dir():
         for lock in folder.rglob("*.lock"):
-            if lock.stat().st_mtime < old:
-                lock.unlink(missing_ok=True)
+            with contextlib.suppress(FileNotFoundError):  # its owner was done first
+                if lock.stat().st_mtime < old:
+                    lock.unlink()
