@@ -6,10 +6,11 @@ import taichi as ti
 from render.camera import BOX, VEC3, VIEW, ray
 from render.opaque import IMAGE, solid_normal
 from render.raster import FAR, KEYS, POINTS, TRIANGLES, depth_of, index_of
-from render.splat import DEPTHS
+from render.splat import DEPTHS, merged_at
 
 CLOSE = 0.9  # spacings from a wall within which a particle lies on it
 FLAT = 4.0  # spacings: a triangle with a smaller height or width belongs to a round thing, or is no wall
+WHOLE = 0.9  # of the width of smoothing that a body has: less are drops, which stay round
 ON_GLASS = 1.0  # spacings behind glass within which water touches it
 
 
@@ -65,10 +66,11 @@ def lay_on_glass(
     first_solid: ti.i32,
     solid_x: POINTS,
     solid_triangles: TRIANGLES,
+    reach: DEPTHS,
     depths: DEPTHS,
     normals: IMAGE,
 ):
-    """Water that touches the inside of glass has the glass's shape there.
+    """Water that touches the inside of glass has the glass's shape there, but for single drops.
 
     A pixel's ray enters the near wall at the first front face of glass (fronts), leaves it at the first back face
     (inner), and meets the far wall at the last front face (backs). first_image: of the rows that water names.
@@ -78,6 +80,7 @@ def lay_on_glass(
         if depth < FAR and leaves < FAR and leaves < depth_of(backs[y, x, 0]):
             outside = depth < depth_of(fronts[y, x, 0]) and index_of(water[y, x, 0]) < first_image
             way = (depth - leaves) * ray(view, lens, x + 0.5, y + 0.5).norm()
-            if not outside and way < ON_GLASS * spacing:
+            merged = merged_at(reach[y, x], leaves, spacing, lens[0])
+            if not outside and way < ON_GLASS * spacing and merged > WHOLE:
                 depths[y, x] = leaves
                 normals[y, x] = -solid_normal(index_of(inner[y, x, 0]) - first_solid, solid_x, solid_triangles)

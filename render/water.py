@@ -180,6 +180,7 @@ class Water:
                 first,
                 points,
                 triangles,
+                self.reach,
                 self.depths,
                 self.normals,
             )
