@@ -10,7 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from queue import Empty
 
-from render.draw import Look
+from render.draw import Look, draw
+from render.image import write_png
+from sim.frame import Static, read
 
 Order = Callable[[Path, Path, Path], None]
 """Asks for a picture: of the scene's static file, a frame's file, and where the PNG goes."""
@@ -37,9 +39,6 @@ def artist(look: Look, begin: Callable[[], object], end: Callable[[], object]) -
 def _draw(orders, look: Look, begin: Callable, end: Callable, parent: int) -> None:
     """Draw what is ordered until None comes, or the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    from render import draw, image
-    from sim import frame
-
     begin()
     static = None
     while os.getppid() == parent:
@@ -49,6 +48,6 @@ def _draw(orders, look: Look, begin: Callable, end: Callable, parent: int) -> No
             continue
         if order is None:
             break
-        static = static or frame.read(order[0], frame.Static)
-        image.write_png(order[2], draw.draw(frame.read(order[1]), look, static))
+        static = static or read(order[0], Static)
+        write_png(order[2], draw(read(order[1]), look, static))
     end()

@@ -93,7 +93,7 @@ def splat(
     x: POINTS,
     mass: SCALARS,
     company: SCALARS,
-    mirrors: PLANES,
+    first_image: ti.i32,
     spacing: ti.f32,
     view: VIEW,
     lens: VEC3,
@@ -102,13 +102,12 @@ def splat(
     cover: LAYER,
     thick: LAYER,
 ):
-    """Add every particle as a ball seen in front of the opaque surfaces, and every mirror image, of which there are as
-    many as mirrors, at the end of x: see `images`.
+    """Add every particle, the rows before first_image, as a ball seen in front of the opaque surfaces.
 
     cover: sum of (R - d)/(2(R - r)), half at a lone ball's edge; thick: mean depth of water along the ray [DEPTH_UNIT].
     """
     height, width = water.shape[0], water.shape[1]
-    for i in range(x.shape[0] - mirrors.shape[0]):
+    for i in range(first_image):
         at = project(view, lens, x[i])
         if at[2] > 0.01:
             texel = at[2] / lens[0]

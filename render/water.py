@@ -137,7 +137,7 @@ class Water:
         """
         x = np.ascontiguousarray(frame.fluid_x, np.float32)
         mass = np.ascontiguousarray(frame.fluid_mass, np.float32)
-        mirrors = np.zeros((0, 4), np.float32)
+        first_image, mirrors = len(x), ()
         if solids:
             points, triangles, first, fronts, inner, backs = solids
             rows, places, mirrors = walls.images(x, spacing, points, triangles)
@@ -150,7 +150,7 @@ class Water:
         box = self.box = box_of(x, view, glass, self.size, 4.0 * spacing)
         splat.crowd(x, mass, spacing, self.counts, company)
         splat.begin(box, self.keys, self.cover, self.thick)
-        splat.splat(x, mass, company, mirrors, spacing, view, glass, facets, self.keys, self.cover, self.thick)
+        splat.splat(x, mass, company, first_image, spacing, view, glass, facets, self.keys, self.cover, self.thick)
         if len(mirrors):
             splat.images(x, mass, company, mirrors, spacing, view, glass, facets, inner, backs, self.keys, self.cover)
         splat.settle(box, self.keys, company, self.depths, self.reach, spacing, float(glass[0]))
@@ -176,7 +176,7 @@ class Water:
                 inner,
                 backs,
                 self.keys,
-                len(x) - len(mirrors),
+                first_image,
                 first,
                 points,
                 triangles,
