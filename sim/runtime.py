@@ -15,6 +15,7 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 
 import taichi as ti  # noqa: E402  (the header must be silenced first)
 
+from sim import launch  # noqa: E402
 from sim.errors import ConfigError, RunError  # noqa: E402
 
 ARCHS = ("cpu", "cuda", "vulkan", "metal")
@@ -56,6 +57,7 @@ def start(arch: str = "cpu", threads: int | None = None, precision: str = "f32",
     _read_sources_once()
     if not debug:
         _skip_error_positions()
+        launch.quicken()
     _started = wanted
     return wanted
 

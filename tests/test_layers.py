@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 LAYERS = (
-    ("constants", "errors", "maths", "units"),
+    ("constants", "errors", "launch", "maths", "units"),
     ("model", "toml", "state", "frame", "registry", "runtime"),
     ("stage", "shapes", "crew"),
     ("schema",),

@@ -73,7 +73,7 @@ class Catch:
             self.x0[i] = self.x[i]
             self.v0[i] = self.v[i]
         ti.loop_config(serialize=self.few)
-        for n in self.node_v:
+        for n in range(self.node_v.shape[0]):
             self.node_v0[n] = self.node_v[n]
 
     def run(self, dt: float) -> bool:
@@ -104,7 +104,7 @@ class Catch:
         """Nobody has been caught yet in this step."""
         for i in range(self.state_count[None]):
             self.tie[i], self.acted[i] = -1, 0
-        for n in self.zone:
+        for n in range(self.zone.shape[0]):
             self.zone[n] = n
 
     @ti.kernel
@@ -112,7 +112,7 @@ class Catch:
         """crossed[i] = the first triangle that x0 -> x passes, or -1; returns how many there are."""
         farthest = 0.0
         ti.loop_config(serialize=self.few)
-        for n in self.sheet.x:
+        for n in range(self.sheet.x.shape[0]):
             ti.atomic_max(farthest, (self.sheet.x[n] - self.sheet.x0[n]).norm_sqr())
         self.sheet.moved[None] = MORE * ti.sqrt(farthest)
         count = 0
@@ -254,7 +254,7 @@ class Catch:
         for i in range(self.state_count[None]):
             self.x[i] = self.x0[i]
             self.v[i] = self.v0[i]
-        for n in self.sheet.x:
+        for n in range(self.sheet.x.shape[0]):
             self.sheet.x[n] = self.sheet.x0[n]
             self.node_v[n] = self.node_v0[n]
         ti.loop_config(serialize=True)

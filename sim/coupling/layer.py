@@ -75,7 +75,7 @@ class Layer:
     def begin(self, dt: float):
         """Take the layer out of the water: undo this step's acceleration, which the substeps give in parts."""
         ti.loop_config(serialize=self.few)
-        for n in self.push_front:
+        for n in range(self.push_front.shape[0]):
             self.push_front[n] = 0.0
             self.push_back[n] = 0.0
         self.elapsed[None] = 0.0

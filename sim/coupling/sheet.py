@@ -51,7 +51,7 @@ class SheetGeometry:
         """Remember where the sheet stands, and the boxes of its patches."""
         self.moved[None] = 0.0
         ti.loop_config(serialize=self.few)
-        for n in self.x:
+        for n in range(self.x.shape[0]):
             self.x0[n] = self.x[n]
         ti.loop_config(serialize=self.few)
         for p in range(self.patch_count):

@@ -17,7 +17,7 @@ class BoxBrute:
 
     @ti.kernel
     def _number(self):
-        for p in self.slots:
+        for p in range(self.slots.shape[0]):
             self.slots[p] = p
 
     def build(self, low, high) -> None:

@@ -14,11 +14,13 @@ STEPS, SECONDS = 5, 2.0
 def measure(world) -> dict[str, float]:
     """Nanoseconds of processor time a particle, all threads together, which a busy machine hardly changes.
 
-    sweep_ns   of one iteration: the pressure's solves over their iterations and two more for what stands around
-               them, the median over steps from a lattice at rest
+    sweep_ns   of one sweep over the neighbours: the pressure's solves over their sweeps, two an iteration (PUSH, RELAX)
+               and one before the first (DEMAND); the median over steps from a lattice at rest
+    pair_ns    the same over the neighbours that a particle has: fewer at a surface, of which a small tank has more
+    iterations of both solves, a step
     step_ns    of a step in all, and NAME_ns of each of its stages: means
     """
-    particles, sweeps, spent = int(world.state.count[None]), [], defaultdict(float)
+    particles, sweeps, met, spent = int(world.state.count[None]), [], [], defaultdict(float)
     while len(sweeps) < STEPS or sum(spent.values()) < SECONDS:
         dt = world.clock.next_step(world.stages)
         for stage in world.stages:
@@ -29,12 +31,17 @@ def measure(world) -> dict[str, float]:
             world.seconds[stage.name] += time.perf_counter() - wall
             if stage.name == "pressure":
                 iterations = sum(world.build.parts["pressure"].iterations.values())
-                sweeps.append(took / (iterations + 2))
+                sweeps.append(took / (2 * iterations + 1))
+                met.append(iterations)
         world.iterations += iterations
         world.clock.advance(dt)
     each = 1e9 / (len(sweeps) * particles)
     stages = {f"{name}_ns": seconds * each for name, seconds in spent.items()}
-    return {"sweep_ns": np.median(sweeps) * 1e9 / particles, "step_ns": sum(stages.values()), **stages}
+    sweep = np.median(sweeps) * 1e9 / particles
+    pairs = world.build.parts["pairs"].list
+    neighbours = (pairs.stop.to_numpy() - pairs.start.to_numpy())[:particles].mean()
+    figures = {"sweep_ns": sweep, "pair_ns": sweep / neighbours, "neighbours": neighbours}
+    return figures | {"iterations": np.mean(met), "step_ns": sum(stages.values()), **stages}
 
 
 def _point(across: int) -> Point:
