@@ -19,6 +19,8 @@ BEGIN, MEASURE, SHIFT, FINISH = range(4)
 """Phases of the work."""
 SAFETY = 0.6
 """Of Jacobi's largest step on the lattice: disordered water and surfaces bear less."""
+TOGETHER = 1e-6
+"""[1] Pairs that began so much nearer than they are (squared) have no line to be pushed along."""
 DEPTH = 10
 """Spacings of water that a step must bear, whatever the scene's blocks."""
 
@@ -40,7 +42,8 @@ class Pbf:
     and kept >= 0 as a sum. Each adds (rho - rho0)/(dt^2 (D + epsilon)), D = |sum_j m_j grad W|^2 + m_i sum_j m_j |grad
     W|^2 (their eq. 9), with W at x + s over the pairs of the step's start, and runs ahead by Nesterov's momentum
     (O'Donoghue & Candes 2015). epsilon (their eq. 11) is a share of the lattice's D. Their eq. 13 (against clumping)
-    is not needed: nothing pulls. s is kept apart from x, so that v = s/dt has digits.
+    is not needed: nothing pulls. s is kept apart from x, so that v = s/dt has digits. grad W is taken along the line on
+    which the pair began the step: sum m x cross s/dt asks for x as it was, so spin is kept to rounding.
 
     From no pressure in a few iterations, water is as soft as if sound went through it at c = (dx/dt) sqrt(n/L), L =
     D (1 + epsilon/D) dx^2/rho0^2 on the lattice: under a pressure p it gives way by p/(rho0 c^2), calmly.
@@ -173,9 +176,12 @@ class Pbf:
         rho, spread = self.pairs.self_weight * m + self.wall[i] + total.dot(s), 0.0
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
             j = neighbour[k]
-            r = self.pairs.apart(x, j) + (s - self.shift[j])
-            distance = r.norm()
+            line = self.pairs.apart(x, j)
+            r = line + (s - self.shift[j])
+            distance, size = r.norm(), line.norm_sqr()
             share = ti.select(weight[k] > 0.0, self.pairs.scale * self.mass[j], 0.0)
+            if size > TOGETHER * distance * distance:
+                r = r.dot(line) / size * line
             g = share * self.kernel.slope(distance, self.support_radius) * r
             rho += share * self.kernel.value(distance, self.support_radius)
             spread += g.norm_sqr() * self.pairs.inverse_mass[j]
