@@ -1,4 +1,4 @@
-"""Kernel calls without Taichi's bookkeeping: 3 us instead of 21 (1.7.4), and a step of a small scene makes fifty."""
+"""Kernel calls without Taichi's bookkeeping: 3 us instead of 21 (1.7.4), and a step of seep makes thirty."""
 
 from typing import Any, NamedTuple
 
@@ -8,7 +8,8 @@ from taichi.lang.kernel_impl import Kernel
 from taichi.types import primitive_types
 from taichi.types.annotations import template
 
-REALS, INTEGERS = primitive_types.real_type_ids, primitive_types.integer_type_ids
+REALS = set(primitive_types.real_type_ids)
+INTEGERS = {id(int), *(id(kind) for kind in (ti.i8, ti.i16, ti.i32, ti.i64))}
 
 
 class Known(NamedTuple):
@@ -42,10 +43,9 @@ def quicken() -> None:
 
 
 def _call(self, *args, **named):
-    plain = self.__dict__.get("plain", self)
-    if plain is self:
-        plain, self.known = _plain(self), {}
-        self.plain = plain
+    if "plain" not in self.__dict__:
+        self.plain, self.known = _plain(self), {}
+    plain = self.plain
     if plain is None or named or len(args) != len(self.arguments):
         return self.taichis_own_call(*args, **named)
     key = tuple([id(args[k]) for k in plain.templates])
@@ -57,9 +57,9 @@ def _call(self, *args, **named):
     context = known.kernel.make_launch_context()
     for k, place, real in plain.numbers:
         if real:
-            context.set_arg_float(place, float(args[k]))
+            context.set_arg_float(place, args[k])
         else:
-            context.set_arg_int(place, int(args[k]))
+            context.set_arg_int(place, args[k])
     known.program.launch_kernel(known.code, context)
     if plain.real is None:
         return None

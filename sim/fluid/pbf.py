@@ -86,7 +86,7 @@ class Pbf:
         self.crew = Crew()
         self.phase, self.done = ti.field(ti.i32, ()), ti.field(ti.i32, ())
         self.last = params.iterations - 1
-        self.gradient = None  # m_j grad W of each pair at x + s [kg/m^4]
+        self.gradient = None  # m_j grad W of each pair at x + s, along its line [kg/m^4]
         self.iterations = {"density": params.iterations}
         build.parts["pressure"] = self
 
