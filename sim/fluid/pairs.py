@@ -5,6 +5,7 @@ import taichi as ti
 
 from sim.errors import CapacityError
 from sim.maths.kernels import KERNELS, lattice_shares
+from sim.search.sieve import ENTRIES, LANES
 from sim.search.torus import Torus
 from sim.stage import Build, Stage
 from sim.state import Row
@@ -49,6 +50,7 @@ class Pairs:
         self.scale = 1.0 / lattice_shares(self.kernel, fluid.support)[0]
         self.self_weight = self.scale * self.kernel.value(0.0, self.support_radius)
         self.place = ti.Vector.field(4, float, shape=max(build.state.sizes["fluid"], 1))
+        self.reals, self.rows_of_eight = ti.types.vector(LANES, float), ti.types.vector(LANES, ti.i32)
         self.weight = self.slope = None
         build.parts["pairs"] = self
 
@@ -100,9 +102,35 @@ class Pairs:
             x = self.x[i]
             self.place[i] = ti.Vector([x[0], x[1], x[2], 0.0])
             self.inverse_mass[i] = 1.0 / self.mass[i]
-            for k in range(self.start[i], self.stop[i]):
-                j = neighbour[k]
-                distance = self.apart(x, j).norm()
-                share = self.scale * self.mass[j]
-                weight[k] = share * self.kernel.value(distance, self.support_radius)
-                slope[k] = share * self.kernel.slope(distance, self.support_radius)
+            begin, end = self.start[i], self.stop[i]
+            whole = begin + (end - begin) // LANES * LANES
+            k = begin
+            while k < whole:
+                self._weigh_eight(x, k & ENTRIES, neighbour, weight, slope)
+                k += LANES
+            for last in range(whole, end):
+                j = neighbour[last]
+                weight[last], slope[last] = self._shares(self.apart(x, j).norm(), self.mass[j])
+
+    @ti.func
+    def _weigh_eight(self, x, first, neighbour: ti.template(), weight: ti.template(), slope: ti.template()):
+        """Pairs `first` and the seven that follow, the same to the bit as one by one: two thirds of the time."""
+        j = self.rows_of_eight([neighbour[first + n] for n in range(LANES)])
+        square = self.reals(0.0)
+        for a in ti.static(range(3)):
+            r = self.torus.nearest_along(a, x[a] - self.reals([self.x[j[n]][a] for n in range(LANES)]))
+            square += r * r
+        weights, slopes = self._shares(ti.sqrt(square), self.reals([self.mass[j[n]] for n in range(LANES)]))
+        for n in ti.static(range(LANES)):
+            weight[first + n] = weights[n]
+        for n in ti.static(range(LANES)):
+            slope[first + n] = slopes[n]
+
+    @ti.func
+    def _shares(self, distance, mass):
+        """m_j W and m_j (dW/dr)/r at a distance; of several at once, if both are vectors of them."""
+        share = self.scale * mass
+        return (
+            share * self.kernel.value(distance, self.support_radius),
+            share * self.kernel.slope(distance, self.support_radius),
+        )

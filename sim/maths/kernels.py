@@ -2,7 +2,8 @@
 
 Each has three: value W [1/m^3]; slope (dW/dr)/r [1/m^5], so that grad W = slope * (x_i - x_j) without a division; and
 wall (lambda, dlambda/dd), the share of the kernel that lies beyond a plane at distance d,
-lambda(d) = 2 pi int_d^H W(r) r (r - d) dr.  All run in Python and in Taichi alike.
+lambda(d) = 2 pi int_d^H W(r) r (r - d) dr.  All run in Python and in Taichi alike; value and slope have no branch, so
+that r may be a vector: of several distances at once.
 """
 
 import math
@@ -48,22 +49,16 @@ def wendland_c2_wall(d, H):
 def cubic_spline(r, H):
     """W = 8/(pi H^3) (1 - 6 q^2 + 6 q^3) up to q = 1/2, 16/(pi H^3) (1 - q)^3 beyond.   Monaghan 1992"""
     q = r * (1.0 / H)
-    u = max(1.0 - q, 0.0)
-    w = 2.0 * u * u * u
-    if q < 0.5:
-        w = 6.0 * q * q * (q - 1.0) + 1.0
-    return 8.0 / math.pi / (H * H * H) * w
+    u, v = max(1.0 - q, 0.0), max(0.5 - q, 0.0)
+    return 16.0 / math.pi / (H * H * H) * (u * u * u - 4.0 * v * v * v)
 
 
 @ti.pyfunc
 def cubic_spline_slope(r, H):
     """(dW/dr)/r = 48/(pi H^5) (3 q - 2) up to q = 1/2, -48/(pi H^5) (1 - q)^2/q beyond."""
     q = r * (1.0 / H)
-    u = max(1.0 - q, 0.0)
-    w = -u * u / max(q, 0.5)
-    if q < 0.5:
-        w = 3.0 * q - 2.0
-    return 48.0 / math.pi / (H * H * H * H * H) * w
+    u, v = max(1.0 - q, 0.0), max(0.5 - q, 0.0)
+    return -48.0 / math.pi / (H * H * H * H * H) * (u * u / max(q, 0.5) + 2.0 * q * v)
 
 
 @ti.pyfunc

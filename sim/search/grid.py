@@ -7,6 +7,7 @@ from sim.registry import register
 from sim.runtime import TURNS
 from sim.schema import Model
 from sim.search.pair_list import BLOCK, PairList, first_room
+from sim.search.sieve import LANES, Sieve
 from sim.search.torus import Torus
 from sim.stage import Build, Stage
 from sim.state import Row
@@ -52,7 +53,8 @@ class GridSearch:
         self.first = ti.field(ti.i32, shape=CELLS_MAX + 2)
         capacity = build.state.sizes["fluid"]
         self.list = PairList(capacity, first_room(config.fluid.support))
-        self.few = runtime.few(build.state.sizes["fluid"])
+        self.sieve = Sieve(capacity, self.support_radius, self.torus)
+        self.few = runtime.few(capacity)
         build.parts["search"] = self
 
     def stages(self) -> tuple[Stage, ...]:
@@ -137,6 +139,9 @@ class GridSearch:
         """List block by block; returns the entries that the fullest block wants."""
         wanted = 0
         count = self.state.count[None]
+        ti.loop_config(serialize=self.few)
+        for i in range(self.state.count[None]):
+            self.sieve.take(self.x, i)
         for turn in range((count + BLOCK - 1) // BLOCK * TURNS):
             if turn % TURNS == 0:
                 block = turn // TURNS
@@ -152,8 +157,7 @@ class GridSearch:
     @ti.func
     def _row(self, i, neighbour: ti.template(), cursor, begin, need, space):
         """List the neighbours of i from `cursor` on; the cursor after them, and what the block needs so far."""
-        h_sq = self.support_radius * self.support_radius
-        x, place, n = self.x[i], self._clamped(self.x[i]), self.shape[None]
+        x, place, n = self.sieve.at(i), self._clamped(self.x[i]), self.shape[None]
         c = self._coordinates(place)
         fine, reach = self.per_length[None].x, 1.0001 * self.support_radius
         left = ti.cast(ti.floor((place.x - reach) * fine), ti.i32)
@@ -166,12 +170,12 @@ class GridSearch:
                 for part in ti.static(range(self.torus.parts)):
                     first, last = self.torus.stretch(part, left, right, n.x)
                     first, last = self.first[line + first], self.first[line + last + 1]
-                    need = ti.max(need, cursor - begin + last - first)
-                    # Always write, then keep it by counting: a fifth of the candidates are near, at random, and a
-                    # branch on that costs more than the write.
-                    for j in range(first, last):
-                        r = self.torus.nearest(x - self.x[j])
+                    need = ti.max(need, cursor - begin + last - first + LANES)
+                    j = first
+                    while j < last:
+                        bits = self.sieve.near(x, i, j, last)
                         if need <= space:
-                            neighbour[cursor] = j
-                        cursor += ti.cast((r.norm_sqr() < h_sq) & (j != i), ti.i32)
+                            self.sieve.write(neighbour, cursor, j, bits)
+                        cursor += ti.math.popcnt(bits)
+                        j += LANES
         return cursor, need

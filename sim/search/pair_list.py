@@ -31,10 +31,10 @@ class PairList:
         self.reserve(room)
 
     def reserve(self, room: int) -> None:
-        """Make space for `room` entries a row. CapacityError where memory or 32-bit indices end."""
+        """Make space for `room` entries a row. CapacityError where memory or 30-bit indices end."""
         length = self.blocks * BLOCK * room
         try:
-            if length >= 2**31:
+            if length >= 2**30:
                 raise RuntimeError
             self.neighbour = ti.field(ti.i32, shape=length)
         except RuntimeError as error:

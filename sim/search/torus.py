@@ -25,8 +25,15 @@ class Torus:
     def nearest(self, r):
         """The shortest image of a difference."""
         for a in ti.static(self.axes):
+            r[a] = self.nearest_along(a, r[a])
+        return r
+
+    @ti.func
+    def nearest_along(self, a: ti.template(), r):
+        """The same along one axis; of several at once, if r is a vector of them."""
+        if ti.static(a in self.axes):
             length = ti.static(self.size[a])
-            r[a] -= ti.select(r[a] > 0.5 * length, length, 0.0) - ti.select(r[a] < -0.5 * length, length, 0.0)
+            r -= ti.select(r > 0.5 * length, length, 0.0) - ti.select(r < -0.5 * length, length, 0.0)
         return r
 
     @ti.func
