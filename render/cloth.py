@@ -53,7 +53,7 @@ class Sheet:
     """The drawn mesh of a cloth: topology once a run, points, normals and wetness every frame.
 
     points, normals (k, 3) f32 and wetness (k, 2) f32 (saturation, film [m]), k = nodes + edges when refined;
-    triangles (t, 3) i32; uv (k, 2) f32 [m]; hem (4,) the bounds of uv.
+    triangles (t, 3) i32; uv (k, 2) f32 [m]; hem (4,) the bounds of uv; mesh_width, of the simulated sheet [m].
     """
 
     def __init__(self, triangles: np.ndarray, uv: np.ndarray):
@@ -68,6 +68,8 @@ class Sheet:
             self._split()
         uv = np.asarray(uv, np.float32)
         self.uv = np.ascontiguousarray(np.concatenate([uv, uv[self.links].mean(axis=1)]), np.float32)
+        corners = uv[self.coarse[0]]
+        self.mesh_width = float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).min())
         self.hem = np.concatenate([uv.min(axis=0), uv.max(axis=0)]).astype(np.float32)
         total = self.count + len(self.links)
         self.points, self.normals = np.zeros((2, total, 3), np.float32)

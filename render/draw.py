@@ -18,6 +18,9 @@ from sim.frame import Frame, Static
 
 NO_POINTS, NO_TRIANGLES = np.zeros((1, 3), np.float32), np.zeros((1, 3), np.int32)
 CLEAR = (0.0, 0.0, 0.0)  # [1/m]
+RIM = 0.25
+"""Mesh widths. A solid that stands out of the cloth by less is not seen: over a rim a sheet of flat facets lies that much
+too low, though its nodes and the middles of its links keep outside."""
 NO_PAIRS = np.zeros((1, 2), np.float32)
 
 
@@ -123,23 +126,23 @@ class Renderer:
     def _opaque(self, frame: Frame, look: Look, static: Static, view, glass, to_sun) -> int:
         """Everything but water into self.image, and what each sample sees into self.keys."""
         cloth = self.sheet is not None and frame.cloth_x is not None
-        meshes, first_solid = [], 0
+        meshes, first_solid, rim = [], 0, 0.0
         raster.clear(self.keys, raster.EMPTY)
         sheet_arrays = (NO_POINTS, NO_POINTS, NO_PAIRS, NO_PAIRS, NO_TRIANGLES)
         colour, hem = np.zeros(3, np.float32), np.zeros(4, np.float32)
         if cloth:
             sheet = self.sheet
             sheet.update(frame)
-            first_solid = len(sheet.triangles)
+            first_solid, rim = len(sheet.triangles), RIM * sheet.mesh_width
             meshes.append((sheet.points, sheet.triangles, 0, 0.8))
             sheet_arrays = (sheet.points, sheet.normals, sheet.wetness, sheet.uv, sheet.triangles)
             colour, hem = np.asarray(static.cloth_colour, np.float32), sheet.hem
-            raster.rasterise(sheet.points, sheet.triangles, 0, view, glass, 1, self.keys, self.keys, 0)
+            raster.rasterise(sheet.points, sheet.triangles, 0, view, glass, 1, self.keys, self.keys, 0, 0.0)
         if self.solids:
             dense, clear = self.solid_triangles[: self.dense], self.solid_triangles[self.dense :]
             if len(dense):
                 meshes.append((self.solid_x, dense, first_solid, 0.8))
-                raster.rasterise(self.solid_x, dense, first_solid, view, glass, 45, self.keys, self.keys, 0)
+                raster.rasterise(self.solid_x, dense, first_solid, view, glass, 45, self.keys, self.keys, 0, rim)
             if len(clear):
                 meshes.append((self.solid_x, clear, first_solid + self.dense, GLASS_SHADE))
             self._walls(view, glass, first_solid)
@@ -191,8 +194,8 @@ class Renderer:
         clear = self.solid_triangles[self.dense :]
         if len(clear):
             arrays = (self.solid_x, clear, first_solid + self.dense, view, glass)
-            raster.rasterise(*arrays, raster.strips(clear), self.fronts, self.backs, 1)
-            raster.rasterise(*arrays, raster.strips(clear), self.inner, self.inner, 2)
+            raster.rasterise(*arrays, raster.strips(clear), self.fronts, self.backs, 1, 0.0)
+            raster.rasterise(*arrays, raster.strips(clear), self.inner, self.inner, 2, 0.0)
 
     def _water(self, frame: Frame, static: Static, view, glass, to_sun, first_solid: int) -> None:
         """Water into self.image, in front of what is there."""

@@ -242,7 +242,7 @@ class Light:
             self._aim(low, high, np.asarray(direction, float))
             for x, triangles, first_id, _ in meshes:
                 bands = raster.strips(triangles)
-                raster.rasterise(x, triangles, first_id, self.view, self.lens, bands, self.keys, self.keys, 0)
+                raster.rasterise(x, triangles, first_id, self.view, self.lens, bands, self.keys, self.keys, 0, 0.0)
             self._ambient(meshes, low, high, ground_z)
         nearest_of_blocks(self.keys, self.own, self.nearest)
 

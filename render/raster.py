@@ -11,6 +11,7 @@ from render.camera import VEC3, VIEW, project, row
 FAR = 3.0e38
 EMPTY = int(np.float32(FAR).view(np.int32)) << 32 | 0x7FFFFFFF
 NEAR = 1e-3  # [m]
+LEAST_FACING = 0.1  # a triangle seen more edge-on yields no farther than ten times
 KEYS = ti.types.ndarray(dtype=ti.i64, ndim=3)
 POINTS = ti.types.ndarray(dtype=VEC3, ndim=1)
 TRIANGLES = ti.types.ndarray(dtype=ti.types.vector(3, ti.i32), ndim=1)
@@ -95,6 +96,18 @@ def row_span(base, along, down, x0, x1):
     return ti.Vector([ti.cast(ti.floor(low), ti.i32), ti.cast(ti.ceil(high), ti.i32)])
 
 
+@ti.func
+def along_normal(sight, u, v, forward):
+    """How far the line of sight that is 1 m deep goes along the unit normal of the triangle of edges u, v."""
+    return sight.dot(u.cross(v).normalized(1e-20)) / ti.max(sight.dot(forward), NEAR)
+
+
+@ti.func
+def _hides(key, first_id, depth):
+    """Whether what is there has an id before first_id and is no deeper than depth."""
+    return index_of(key) < first_id and depth_of(key) <= depth
+
+
 @ti.kernel
 def rasterise(
     x: POINTS,
@@ -106,11 +119,13 @@ def rasterise(
     nearest: KEYS,
     farthest: KEYS,
     walls: ti.i32,
+    yields: ti.f32,
 ):
     """Nearest fragment of each sample; with `walls` 1 of front faces only, and the farthest of them as well, with 2 of
     back faces only.
 
-    `strips` cuts every triangle into bands of rows, so that a few big ones keep all threads busy.
+    `strips` cuts every triangle into bands of rows, so that a few big ones keep all threads busy. A fragment yields to
+    what is there with an id before `first_id` if that lies no more than `yields` [m] behind its triangle's plane.
     """
     height, width, count = nearest.shape[0], nearest.shape[1], nearest.shape[2]
     for t, strip in ti.ndrange(triangles.shape[0], strips):
@@ -126,6 +141,7 @@ def rasterise(
             down = -(e @ row(view, 1)) / lens[0]
             base = e @ row(view, 2) - lens[1] * along - lens[2] * down
             slack = -1e-4 / ti.max((a - eye).norm(), NEAR)
+            behind = yields / ti.max(ti.abs(along_normal(a - eye, b - a, c - a, row(view, 2))), LEAST_FACING)
             for py in range(ti.max(box[1], height * strip // strips), ti.min(box[3], height * (strip + 1) // strips)):
                 span = row_span(base + (py + 0.5) * down, along, down, box[0], box[2])
                 for px in range(span[0], span[1]):
@@ -136,6 +152,7 @@ def rasterise(
                             depth = 1.0 / ti.max(w.sum(), 1e-30)
                             if NEAR < depth < 1e30:
                                 key = pack(depth, first_id + t)
-                                ti.atomic_min(nearest[py, px, s], key)
+                                if yields == 0.0 or not _hides(nearest[py, px, s], first_id, depth + behind):
+                                    ti.atomic_min(nearest[py, px, s], key)
                                 if walls == 1:
                                     ti.atomic_max(farthest[py, px, s], key)

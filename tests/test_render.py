@@ -210,6 +210,17 @@ def test_water_between_solids_is_seen_through_the_near_wall(render):
     assert np.abs(wet - dry)[row - 2 : row + 3, column - 4 : column + 4].max() > 3
 
 
+@pytest.mark.parametrize("stands_out, seen", [(0.002, False), (0.008, True)], ids=["a rim", "a block"])
+def test_a_rim_does_not_come_through_the_cloth_over_it(render, stands_out, seen):
+    frame, static = sheet(0.0)  # meshes of 15 mm, whose facets lie up to 2 mm below a rim
+    look = render.Look(size=SIZE)
+    static.solid_x, static.solid_triangles = box_between((-0.03, -0.03, 0.05), (0.03, 0.03, 0.1 + stands_out))
+    static.solid_x, static.solid_opaque = static.solid_x.astype(np.float32), np.int32(12)
+    row, column = pixel_of(render, look, (0.0, 0.0, 0.1))
+    red, _, blue = render.draw(frame, look, static).astype(int)[row, column]
+    assert (red < blue + 30) if seen else (red > blue + 40)
+
+
 def box_between(low, high) -> tuple[np.ndarray, np.ndarray]:
     """Corners and triangles, outwards, of a box of glass."""
     corners = np.array([[i, j, k] for k in (0, 1) for j in (0, 1) for i in (0, 1)])
