@@ -19,8 +19,8 @@ from sim.frame import Frame, Static
 NO_POINTS, NO_TRIANGLES = np.zeros((1, 3), np.float32), np.zeros((1, 3), np.int32)
 CLEAR = (0.0, 0.0, 0.0)  # [1/m]
 RIM = 0.25
-"""Mesh widths. A solid that stands out of the cloth by less is not seen: over a rim a sheet of flat facets lies that much
-too low, though its nodes and the middles of its links keep outside."""
+"""Mesh widths. A solid that stands out of the cloth by less is not seen: over a rim a sheet of flat facets lies that
+much too low, though its nodes and the middles of its links keep outside."""
 NO_PAIRS = np.zeros((1, 2), np.float32)
 
 

@@ -3,13 +3,12 @@
 import math
 from typing import Any
 
-import numpy as np
 import taichi as ti
 
 from sim.crew import Crew
 from sim.errors import CapacityError
 from sim.fluid.motion import Motion
-from sim.maths.kernels import SmoothingKernel, largest_eigenvalue, lattice_points, lattice_shares
+from sim.maths.kernels import largest_eigenvalue, lattice_diagonal
 from sim.registry import register
 from sim.schema import Model, quantity
 from sim.stage import Build, Limit, Stage
@@ -23,14 +22,6 @@ TOGETHER = 1e-6
 """[1] Pairs that began so much nearer than they are (squared) have no line to be pushed along."""
 DEPTH = 10
 """Spacings of water that a step must bear, whatever the scene's blocks."""
-
-
-def lattice_diagonal(kernel: SmoothingKernel, support: float) -> float:
-    """sum_j |grad W|^2 dx^8 on the cubic lattice: what `diagonal` is inside of water, over m^2/dx^8   [1]."""
-    r = np.array([p for p in lattice_points(support) if any(p)], float)
-    distance = np.linalg.norm(r, axis=1)
-    slope = np.array([kernel.slope(d, support) for d in distance]) / lattice_shares(kernel, support)[0]
-    return float(((slope * distance) ** 2).sum())
 
 
 @register("fluid.pressure", "pbf")

@@ -3,7 +3,7 @@
 import taichi as ti
 
 from sim.crew import BLOCK, Crew
-from sim.maths.kernels import largest_eigenvalue, lattice_pull
+from sim.maths.kernels import largest_eigenvalue, lattice_diagonal, lattice_pull
 
 START, DEMAND, PUSH, RELAX, AGAIN, TAKE, TURN = range(7)
 """Phases of the work: see Projection."""
@@ -30,6 +30,9 @@ TIGHT = 0.5
 """[1] Share of its velocity that neighbours on a lattice, pushing alike, may take from a particle in a step. Beyond it
 the pushes of both sides cancel (water squeezed in a closed box, steps far beyond the limit of speed), and turning each
 pair on its own would only rub: at twice this none is turned."""
+HOLD = 0.01
+"""Of the lattice's diagonal. A particle with less has nothing to push off from: one that is deep in a solid, where the
+solids' share is whole and has no slope, would be sent off at kilometres a second."""
 FINEST, COARSEST = 2e-6, 1e-3
 """[1] No mean residual of the velocity is asked to be below this, which is all that single precision knows, nor allowed
 to be above that."""
@@ -65,6 +68,8 @@ class Projection:
         self.relaxation = SAFETY * 2.0 / largest_eigenvalue(self.pairs.kernel, owner.support)
         pull, second, fourth = (lattice_pull(self.pairs.kernel, owner.support, power) for power in (0, 2, 4))
         self.loosest = TIGHT * owner.spacing**2 / (pull * owner.rest_density)
+        inside = lattice_diagonal(self.pairs.kernel, owner.support) * (owner.rest_density / owner.spacing) ** 2
+        self.least = HOLD * inside
         self.fall = FALL * second / (fourth * owner.spacing**2)
         self.spins = owner.free
         p = owner.params
@@ -256,7 +261,7 @@ class Projection:
 
         The way takes density errors back; the velocity stops compression alone.
         """
-        rho0, diagonal = self.o.rest_density, ti.max(self.o.diagonal[i], 1e-20)
+        rho0, diagonal = self.o.rest_density, ti.max(self.o.diagonal[i], self.least)
         lack = (rho0 - self.o.density[i]) / dt
         if way == 0:
             lack = ti.max(lack, 0.0)

@@ -174,6 +174,14 @@ def lattice_pull(kernel: SmoothingKernel, support: float, power: int = 0) -> flo
     return -sum(float(kernel.slope(d, support)) * d**power for d in distances) / lattice_shares(kernel, support)[0]
 
 
+def lattice_diagonal(kernel: SmoothingKernel, support: float) -> float:
+    """sum_j |grad W|^2 dx^8 on the cubic lattice: what `diagonal` is inside of water, over m^2/dx^8   [1]."""
+    r = np.array([p for p in lattice_points(support) if any(p)], float)
+    distance = np.linalg.norm(r, axis=1)
+    slope = np.array([kernel.slope(d, support) for d in distance]) / lattice_shares(kernel, support)[0]
+    return float(((slope * distance) ** 2).sum())
+
+
 def wall_fit(kernel: SmoothingKernel, support: float) -> tuple[float, float]:
     """(range, offset) [dx] of the wall that holds lattice water at rest: share wall(d + offset, range).
 

@@ -27,8 +27,8 @@ class Drip:
     """A drop of V = 0.6 x 2 pi R gamma / (rho g) leaves its site as max(1, round(V/dx^3)) equal particles.
 
     Tate 1864, Harkins & Brown 1919; R = l_c, the capillary length, unless the weave sets it. They start at the cloth's
-    velocity, at least dx below it and clear of others, else the site waits. n waiting drops speed up what leaves by
-    (n - 1) sqrt(g dx / 2), so that a site never chokes.
+    velocity, at least dx below it and clear of others and of solids, else the site waits. n waiting drops speed up what
+    leaves by (n - 1) sqrt(g dx / 2), so that a site never chokes.
     """
 
     class Params(Model):
@@ -43,9 +43,10 @@ class Drip:
 
     def __init__(self, build: Build, params: "Drip.Params"):
         self.water, self.population = build.parts["cloth_water"], build.parts["population"]
-        self.film = Film(self.water, params.film_thickest)
-        self.state_count, self.x = build.state.count, build.state["fluid.x"]
         self.dx = build.config.fluid.spacing
+        self.down = tm.vec3(*(g / max(self.water.gravity_size, 1e-9) for g in build.config.space.gravity))
+        self.film = Film(self.water, params.film_thickest, self.dx, self.down)
+        self.state_count, self.x = build.state.count, build.state["fluid.x"]
         radius = params.drop_radius or self.film.capillary_length
         volume = TATE * 2.0 * math.pi * radius * self.film.gamma / (self.film.rho * max(self.water.gravity_size, 1e-9))
         self.particles = max(1, round(volume / self.dx**3))
@@ -54,8 +55,8 @@ class Drip:
         offsets = drop_lattice(self.particles, self.dx)
         self.offset = ti.Vector.field(3, float, shape=self.particles)
         self.offset.from_numpy(offsets.astype(np.float64 if self.x.dtype == ti.f64 else np.float32))
-        self.reach = float(np.linalg.norm(offsets, axis=1).max()) + CLEAR * self.dx
-        self.down = tm.vec3(*(g / max(self.water.gravity_size, 1e-9) for g in build.config.space.gravity))
+        lump = float(np.linalg.norm(offsets, axis=1).max())
+        self.reach, self.film.room = lump + CLEAR * self.dx, lump + 0.5 * self.dx
         sites = self.film.sites.shape[0]
         self.ready = ti.field(ti.i32, shape=sites)
         self.ready_count, self.drops = ti.field(ti.i32, shape=()), ti.field(ti.i32, shape=())
@@ -74,8 +75,9 @@ class Drip:
         found = 0
         ti.loop_config(serialize=True)
         for k in range(self.film.sites.shape[0]):
-            if self.water.film[self.film.sites[k]] >= ti.i64(self.drop_units):
-                self.ready[found] = self.film.sites[k]
+            p = self.film.sites[k]
+            if self.water.film[p] >= ti.i64(self.drop_units) and self.film.free(p):
+                self.ready[found] = p
                 found += 1
         self.ready_count[None] = found
         if found > 0:
@@ -90,14 +92,9 @@ class Drip:
                     self._let_go(self.ready[k])
 
     @ti.func
-    def _start(self, p):
-        """Where the drop of patch p hangs."""
-        return self.water.centre(p) + self.dx * self.down
-
-    @ti.func
     def _too_near(self, i, p):
         near = False
-        r = self.x[i] - self._start(p)
+        r = self.x[i] - self.film.below(p)
         if r.norm() < self.reach:
             for d in range(self.particles):
                 near = near or (r - self.offset[d]).norm() < CLEAR * self.dx
@@ -111,7 +108,7 @@ class Drip:
         fits = self.state_count[None] + self.particles <= self.population.capacity
         if fits:
             for d in range(self.particles):
-                self.population.append(self._start(p) + self.offset[d], v, ti.i64(self.particle_units))
+                self.population.append(self.film.below(p) + self.offset[d], v, ti.i64(self.particle_units))
             self.water.film[p] -= ti.i64(self.drop_units)
             self.water.carry(p, -ti.i64(self.drop_units), v)
             self.drops[None] += 1

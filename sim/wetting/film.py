@@ -17,11 +17,12 @@ class Film:
 
     Ripples are 2 pi sqrt(2) l_c apart (24 mm for water), so drops hang at `sites`, a lattice of that width with
     points on all hems; film thicker than `thickest` goes to the site of its neighbourhood at the ripple's rate
-    (Fermigier et al. 1992). A hem's own film, having nowhere to creep, gathers with all of gravity.
+    (Fermigier et al. 1992). A hem's own film, having nowhere to creep, gathers with all of gravity. No drop hangs, and
+    nothing gathers, where a solid is nearer than `room` [m] to where it would hang, `spacing` below the patch.
     """
 
-    def __init__(self, water, thickest: float):
-        self.water = water
+    def __init__(self, water, thickest: float, spacing: float, down):
+        self.water, self.spacing, self.down, self.room = water, spacing, down, 0.5 * spacing
         self.rho, self.mu = water.liquid.rest_density, water.liquid.mu
         self.gamma = max(water.liquid.surface_tension, 1e-6)
         self.thickest = thickest
@@ -47,6 +48,16 @@ class Film:
                 self._gather(p, site, dt)
 
     @ti.func
+    def below(self, p):
+        """Where a drop hangs from patch p [m]."""
+        return self.water.centre(p) + self.spacing * self.down
+
+    @ti.func
+    def free(self, p):
+        """Whether it hangs clear of solids."""
+        return self.water.open_at(self.below(p), self.room)
+
+    @ti.func
     def through(self, p, q, dt):
         """Mass units that creep from patch p to q in this step; never more than an eighth of what is there."""
         r = self.water.centre(q) - self.water.centre(p)
@@ -65,7 +76,7 @@ class Film:
     @ti.func
     def _gather(self, p, site, dt):
         h = self.water.film_thickness(p)
-        if h > self.thickest:
+        if h > self.thickest and self.free(site):
             i, j = p // self.water.columns, p % self.water.columns
             across = ti.abs(self.water.gravity.dot(self.water.normal[p]))
             if i == 0 or j == 0 or i == self.water.rows - 1 or j == self.water.columns - 1:

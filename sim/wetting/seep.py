@@ -21,6 +21,7 @@ class Seep:
 
     q = (-mu/K + sqrt((mu/K)^2 + 4 beta rho G)) / (2 beta rho), beta = 0.143 phi^-1.5 K^-0.5 (Ergun 1952).
     Threshold until a film hangs below: break_through of a repellent cloth, else 2 gamma / l_c (menisci).
+    A film fills the gap to a solid and no more: cloth that lies on a table lets nothing through.
     """
 
     class Params(Model):
@@ -69,8 +70,9 @@ class Seep:
             if ti.abs(drive) > held_back and opened > 0.0:
                 face = 0 if drive > 0.0 else 1
                 q = opened * self.flow(ti.abs(drive) / self.thickness)
+                fits = self.water.gap(p, 1 - face) - self.water.film_thickness(p)
                 volume = self.supply.covered(p, face) * q * self.water.area * dt
-                self.supply.for_film[p][face] = self.water.units(volume)
+                self.supply.for_film[p][face] = self.water.units(ti.min(volume, ti.max(fits, 0.0) * self.water.area))
 
 
 def threshold(fabric, liquid, gravity: float) -> float:

@@ -4,7 +4,7 @@ from sim.studies.case import Case, Point
 
 SCENES = (
     "basin", "buoyancy", "curtain", "drape", "fabrics", "flag", "handclap", "pile", "pool", "sandwich", "seep",
-    "sheet_jet", "tablecloth", "twist",
+    "sheet_jet", "spill", "tablecloth", "twist",
 )  # fmt: skip
 
 
