@@ -26,6 +26,8 @@ def _points(axes: tuple = (), space: tuple = SPACE) -> dict[str, np.ndarray]:
 
 def _scattered() -> dict[str, np.ndarray]:
     random = np.random.default_rng(7)
+    lost = random.uniform(-0.3, 0.3, (400, 3))
+    lost[[3, 77, 78], [0, 1, 1]], lost[5] = np.nan, -np.nan
     lattice = np.stack(np.meshgrid(*[np.arange(8) * 0.05] * 3), -1).reshape(-1, 3)
     return {
         "random": random.uniform(-1.0, 1.0, (1500, 3)),
@@ -36,6 +38,7 @@ def _scattered() -> dict[str, np.ndarray]:
         "empty": np.zeros((0, 3)),
         "single": np.array([[0.2, -0.3, 0.9]]),
         "pair": np.array([[0.0, 0.0, 0.0], [0.0999, 0.0, 0.0]]),
+        "lost": lost,
         "outside": random.uniform(0.9, 1.3, (900, 3)) * random.choice([-1.0, 1.0], (900, 3)),
     }
 
@@ -73,7 +76,9 @@ def _compare(axes: tuple = (), space: tuple = SPACE) -> dict:
         found[name] = {
             "grid": _listed(grid, state),
             "brute": _listed(brute, state),
-            "kept": bool((np.sort(ids) == np.arange(len(points))).all() and (moved == whole[ids]).all()),
+            "kept": bool(
+                (np.sort(ids) == np.arange(len(points))).all() and np.array_equal(moved, whole[ids], equal_nan=True)
+            ),
             "room": grid.list.room,
         }
     return found

@@ -8,8 +8,8 @@ from sim.search.pair_list import BLOCK
 from sim.search.torus import Torus
 
 LANES = 8
-LEFT_OUT = 1e30
-"""[m] Where a particle without a place (NaN) is taken to be: near nobody, but others like it."""
+LEFT_OUT = 1e20
+"""[m] So far apart are particles without a place (NaN) taken to be, from each other and from all else."""
 ROWS, ENTRIES = (1 << 26) - 1, (1 << 30) - 1
 """Masks over every row and every entry of a list. They change none, but show the compiler that eight that follow cannot
 overflow; without that it does not take them as one vector."""
@@ -45,7 +45,7 @@ class Sieve:
         """Row i of the field x, before rows are asked about."""
         for a in ti.static(range(3)):
             place = x[i][a]
-            self.place[a][i] = LEFT_OUT if ti.math.isnan(place) else place
+            self.place[a][i] = LEFT_OUT * (1 + i) if ti.math.isnan(place) else place
 
     @ti.func
     def at(self, i):
