@@ -28,7 +28,6 @@ class Sieve:
 
     def __init__(self, capacity: int, radius: float, torus: Torus):
         self.torus, self.radius_sq = torus, radius * radius
-        self.few = runtime.few(capacity)
         whole = ti.i64 if runtime.running()["precision"] == "f64" else ti.i32
         self.sign = 63 if whole == ti.i64 else 31
         self.whole, self.reals = whole, ti.types.vector(LANES, float)
