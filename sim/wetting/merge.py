@@ -12,6 +12,11 @@ HEAVY = 1.3
 """[m0] No particle is made heavier than this."""
 
 
+def full_units(config) -> int:
+    """Mass units of a particle as it is poured."""
+    return round(config.fluid.liquid.rest_density * config.fluid.spacing**3 / MASS_UNIT)
+
+
 @ti.data_oriented
 class Merge:
     """Mass, momentum and centre are kept. Pairs across the cloth have left the list, so nothing passes it."""
@@ -23,8 +28,7 @@ class Merge:
         self.state_count = state.count
         self.x, self.v = state["fluid.x"], state["fluid.v"]
         self.units = state["fluid.mass_units"]
-        liquid = build.config.fluid.liquid
-        self.full = round(liquid.rest_density * build.config.fluid.spacing**3 / MASS_UNIT)
+        self.full = full_units(build.config)
         capacity = state.sizes["fluid"]
         self.few = runtime.few(capacity)
         self.target = ti.field(ti.i32, shape=capacity)

@@ -5,6 +5,7 @@ from sim.registry import method
 from sim.stage import Build, Stage
 from sim.wetting.cloth_water import ClothWater
 from sim.wetting.merge import Merge
+from sim.wetting.rejoin import Rejoin
 from sim.wetting.supply import Supply
 
 ORDER = ("absorb", "seep", "wick", "drip")
@@ -47,6 +48,8 @@ def build_wetting(build: Build) -> list[Stage]:
             mass = ("fluid.mass", "fluid.mass_units", "patch.pores", "patch.film")
             stages.append(Stage("wetting.soak", "wet", supply.transfer, reads=ROWS, writes=mass))
             stages += Merge(build).stages()
+            if cls.name == "seep":
+                stages += Rejoin(build).stages()
     nodes = ("cloth.v", "cloth.mass", "cloth.inv_mass")
     stages.append(Stage("wetting.weigh", "wet", water.settle, reads=ROWS, writes=nodes))
     return stages
