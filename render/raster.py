@@ -97,7 +97,7 @@ def row_span(base, along, down, x0, x1):
 
 
 @ti.func
-def along_normal(sight, u, v, forward):
+def _along_normal(sight, u, v, forward):
     """How far the line of sight that is 1 m deep goes along the unit normal of the triangle of edges u, v."""
     return sight.dot(u.cross(v).normalized(1e-20)) / ti.max(sight.dot(forward), NEAR)
 
@@ -141,7 +141,7 @@ def rasterise(
             down = -(e @ row(view, 1)) / lens[0]
             base = e @ row(view, 2) - lens[1] * along - lens[2] * down
             slack = -1e-4 / ti.max((a - eye).norm(), NEAR)
-            behind = yields / ti.max(ti.abs(along_normal(a - eye, b - a, c - a, row(view, 2))), LEAST_FACING)
+            behind = yields / ti.max(ti.abs(_along_normal(a - eye, b - a, c - a, row(view, 2))), LEAST_FACING)
             for py in range(ti.max(box[1], height * strip // strips), ti.min(box[3], height * (strip + 1) // strips)):
                 span = row_span(base + (py + 0.5) * down, along, down, box[0], box[2])
                 for px in range(span[0], span[1]):
