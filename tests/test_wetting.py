@@ -85,25 +85,27 @@ def _upright(path: str) -> dict:
     rise = (height - height.min()).ravel()
     rest = 1.0 - rise * 9.81 * water.liquid.rest_density / water.suction
     saturation = pores.ravel() / water.capacity
-    return {"saturation": saturation, "expected": rest, **_forced(world, water, seep), "drop": drip.drop_units}
+    return {"saturation": saturation, "expected": rest, **_forced(world, water), "drop": drip.drop_units}
 
 
-def _forced(world, water, seep) -> dict:
+def _asked(world, part, saturation: float, pressure: float) -> tuple[np.ndarray, np.ndarray]:
+    """What every patch asks of its front for pores and for film in 1 ms, if that is covered."""
+    water, supply, dt = world.build.parts["cloth_water"], world.build.parts["supply"], 1e-3
+    water.pores.from_numpy(np.full(water.patch_count, int(saturation * water.capacity), np.int64))
+    supply.begin(dt)
+    supply.cover.from_numpy(np.tile(np.array([2**24, 0], np.int64), (water.patch_count, 1)))
+    water.front.from_numpy(np.full(water.node_count, pressure, np.float32))
+    world.build.parts[part].ask(dt)
+    return supply.for_pores.to_numpy()[:, 0], supply.for_film.to_numpy()[:, 0]
+
+
+def _forced(world, water) -> dict:
     """What one covered patch asks for in 1 ms: of its pores at S = 1/2, and of seepage at S = 1 and 200 Pa."""
-    supply, absorb, dt = world.build.parts["supply"], world.build.parts["absorb"], 1e-3
-    patches = water.patch_count
-    cover = np.zeros((patches, 2), np.int64)
-    cover[:, 0] = 2**24
-    asked = {}
-    for stage, saturation, pressure in ((absorb, 0.5, 0.0), (seep, 1.0, 200.0)):
-        water.pores.from_numpy(np.full(patches, int(saturation * water.capacity), np.int64))
-        water.film.from_numpy(np.full(patches, water.capacity, np.int64))
-        supply.begin(dt)
-        supply.cover.from_numpy(cover)
-        water.front.from_numpy(np.full(water.node_count, pressure, np.float32))
-        stage.ask(dt)
-        asked.setdefault("soaked", int(supply.for_pores.to_numpy()[0, 0]))
-        asked["seeped"] = int(supply.for_film.to_numpy()[0, 0])
+    water.film.from_numpy(np.full(water.patch_count, water.capacity, np.int64))
+    asked = {
+        "soaked": int(_asked(world, "absorb", 0.5, 0.0)[0][0]),
+        "seeped": int(_asked(world, "seep", 1.0, 200.0)[1][0]),
+    }
     fabric, liquid = water.fabric, water.liquid
     return {
         **asked,
@@ -179,7 +181,10 @@ def _laid(path: str) -> dict:
     far = np.linalg.norm(centre[:, :2], axis=1)
     gap = np.maximum(clearance(table, centre) - 0.5 * water.fabric.thickness, 0.0)
     film = water.film.to_numpy() * 1e-15 / (water.liquid.rest_density * water.area)
-    asked = _all_forced(world, water) * 1e-15 / (water.liquid.rest_density * water.area)
+    pores, front = water.pores.to_numpy(), water.front.to_numpy()
+    asked = _asked(world, "seep", 1.0, 200.0)[1] * 1e-15 / (water.liquid.rest_density * water.area)
+    water.pores.from_numpy(pores)
+    water.front.from_numpy(front)
     laid = far < 0.11
     x = fluid["fluid.x"].to_numpy()
     x[0] = table[0].centre + np.array([0.02, 0.02, 0.001])
@@ -202,20 +207,6 @@ def _laid(path: str) -> dict:
 
 def _patch_centres(x) -> np.ndarray:
     return 0.25 * (x[1:, 1:] + x[:-1, 1:] + x[1:, :-1] + x[:-1, :-1]).reshape(-1, 3)
-
-
-def _all_forced(world, water) -> np.ndarray:
-    """What all patches ask of seepage in 1 ms, full and covered, at 200 Pa."""
-    supply, seep, patches = world.build.parts["supply"], world.build.parts["seep"], water.patch_count
-    kept = water.pores.to_numpy()
-    water.pores.from_numpy(np.full(patches, water.capacity, np.int64))
-    supply.begin(1e-3)
-    supply.cover.from_numpy(np.tile(np.array([2**24, 0], np.int64), (patches, 1)))
-    water.front.from_numpy(np.full(water.node_count, 200.0, np.float32))
-    seep.ask(1e-3)
-    water.pores.from_numpy(kept)
-    water.front.fill(0.0)
-    return supply.for_film.to_numpy()[:, 0]
 
 
 def test_cloth_on_a_table_lets_nothing_through():

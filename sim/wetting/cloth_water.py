@@ -11,7 +11,6 @@ import taichi as ti
 import taichi.math as tm
 
 from sim import runtime
-from sim.bodies import Bodies
 from sim.constants import MASS_UNIT
 
 SMOOTHING = 0.03
@@ -31,7 +30,7 @@ class ClothWater:
     def __init__(self, build):
         config, sheet, state = build.config, build.scene.sheet, build.state
         self.liquid, self.fabric = config.fluid.liquid, config.cloth.fabric
-        self.bodies = Bodies.of(build)
+        self.walls = build.parts["walls"]
         self.gravity = tm.vec3(*config.space.gravity)
         self.gravity_size = math.sqrt(sum(g * g for g in config.space.gravity))
         self.rows, self.columns = sheet.shape[0] - 1, sheet.shape[1] - 1
@@ -131,24 +130,24 @@ class ClothWater:
         return 0.25 * (self.x[a] + self.x[b] + self.x[c] + self.x[d])
 
     @ti.func
-    def gap(self, p, face):
-        """From a face of patch p to the solid that lies on that side [m]; 0 where it rests there, 1 m where none is."""
-        x, least = self.centre(p), 1.0
-        outwards = self.normal[p] * (1.0 if face == 0 else -1.0)
-        for s in range(self.bodies.count):
-            if self.bodies.beside(s, x - self.bodies.centre[s]) < least:
-                nd = self.bodies.distance(s, x)
+    def gap(self, p, face, reach):
+        """From a face of patch p to the solid on that side [m], 0 where it rests there; if it is nearer than reach."""
+        x, half = self.centre(p), 0.5 * self.fabric.thickness
+        outwards, least = self.normal[p] * (1.0 if face == 0 else -1.0), reach
+        for s in range(self.walls.count):
+            if self.walls.nearer(s, x, least + half):
+                nd = self.walls.distance(s, x)
                 if nd.xyz.dot(outwards) < 0.0:
-                    least = ti.min(least, ti.max(nd[3] - 0.5 * self.fabric.thickness, 0.0))
+                    least = ti.min(least, ti.max(nd[3] - half, 0.0))
         return least
 
     @ti.func
     def open_at(self, x, reach):
         """Whether no solid is nearer to x than reach [m]."""
         found = True
-        for s in range(self.bodies.count):
-            if self.bodies.beside(s, x - self.bodies.centre[s]) < reach:
-                found = found and self.bodies.distance(s, x)[3] >= reach
+        for s in range(self.walls.count):
+            if self.walls.nearer(s, x, reach):
+                found = found and self.walls.distance(s, x)[3] >= reach
         return found
 
     @ti.func

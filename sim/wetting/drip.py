@@ -56,7 +56,8 @@ class Drip:
         self.offset = ti.Vector.field(3, float, shape=self.particles)
         self.offset.from_numpy(offsets.astype(np.float64 if self.x.dtype == ti.f64 else np.float32))
         lump = float(np.linalg.norm(offsets, axis=1).max())
-        self.reach, self.film.room = lump + CLEAR * self.dx, lump + 0.5 * self.dx
+        self.reach = lump + CLEAR * self.dx
+        self.film.room = lump + 0.5 * self.dx
         sites = self.film.sites.shape[0]
         self.ready = ti.field(ti.i32, shape=sites)
         self.ready_count, self.drops = ti.field(ti.i32, shape=()), ti.field(ti.i32, shape=())
@@ -76,7 +77,7 @@ class Drip:
         ti.loop_config(serialize=True)
         for k in range(self.film.sites.shape[0]):
             p = self.film.sites[k]
-            if self.water.film[p] >= ti.i64(self.drop_units) and self.film.free(p):
+            if self.water.film[p] >= ti.i64(self.drop_units) and self.film.free[p] == 1:
                 self.ready[found] = p
                 found += 1
         self.ready_count[None] = found

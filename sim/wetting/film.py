@@ -18,11 +18,12 @@ class Film:
     Ripples are 2 pi sqrt(2) l_c apart (24 mm for water), so drops hang at `sites`, a lattice of that width with
     points on all hems; film thicker than `thickest` goes to the site of its neighbourhood at the ripple's rate
     (Fermigier et al. 1992). A hem's own film, having nowhere to creep, gathers with all of gravity. No drop hangs, and
-    nothing gathers, where a solid is nearer than `room` [m] to where it would hang, `spacing` below the patch.
+    nothing gathers, where a solid is nearer than `room` [m] to where it would hang, `spacing` below the patch. Whoever
+    makes a Film knows how large its drops are, and sets `room`.
     """
 
     def __init__(self, water, thickest: float, spacing: float, down):
-        self.water, self.spacing, self.down, self.room = water, spacing, down, 0.5 * spacing
+        self.water, self.spacing, self.down, self.room = water, spacing, down, 0.0
         self.rho, self.mu = water.liquid.rest_density, water.liquid.mu
         self.gamma = max(water.liquid.surface_tension, 1e-6)
         self.thickest = thickest
@@ -30,11 +31,16 @@ class Film:
         site_of, sites = lay_sites(water, 2.0 * math.pi * math.sqrt(2.0) * self.capillary_length)
         self.sites = _int_field(sites)
         self.site_of = _int_field(site_of)
+        self.free = ti.field(ti.i32, shape=water.patch_count)
         self.faces = Faces(water)
 
     @ti.kernel
     def flow(self, dt: float):
-        """Creep through faces, then gather; film and momentum move together."""
+        """Creep through faces, then gather; film and momentum move together. free[p]: a drop of site p hangs clear."""
+        ti.loop_config(serialize=True)
+        for k in range(self.sites.shape[0]):
+            p = self.sites[k]
+            self.free[p] = ti.cast(self.water.open_at(self.below(p), self.room), ti.i32)
         ti.loop_config(serialize=self.water.few)
         for i, j in ti.ndrange(self.water.rows, self.water.columns):
             self.faces.ask(self, i, j, dt)
@@ -51,11 +57,6 @@ class Film:
     def below(self, p):
         """Where a drop hangs from patch p [m]."""
         return self.water.centre(p) + self.spacing * self.down
-
-    @ti.func
-    def free(self, p):
-        """Whether it hangs clear of solids."""
-        return self.water.open_at(self.below(p), self.room)
 
     @ti.func
     def through(self, p, q, dt):
@@ -76,7 +77,7 @@ class Film:
     @ti.func
     def _gather(self, p, site, dt):
         h = self.water.film_thickness(p)
-        if h > self.thickest and self.free(site):
+        if h > self.thickest and self.free[site] == 1:
             i, j = p // self.water.columns, p % self.water.columns
             across = ti.abs(self.water.gravity.dot(self.water.normal[p]))
             if i == 0 or j == 0 or i == self.water.rows - 1 or j == self.water.columns - 1:

@@ -3,18 +3,12 @@
 import taichi as ti
 
 from sim import runtime
-from sim.constants import MASS_UNIT
 from sim.stage import Build, Stage
 
 LIGHT = 0.3
 """[m0] A particle lighter than this merges."""
 HEAVY = 1.3
 """[m0] No particle is made heavier than this."""
-
-
-def full_units(config) -> int:
-    """Mass units of a particle as it is poured."""
-    return round(config.fluid.liquid.rest_density * config.fluid.spacing**3 / MASS_UNIT)
 
 
 @ti.data_oriented
@@ -28,7 +22,7 @@ class Merge:
         self.state_count = state.count
         self.x, self.v = state["fluid.x"], state["fluid.v"]
         self.units = state["fluid.mass_units"]
-        self.full = full_units(build.config)
+        self.full = build.scene.water.units
         capacity = state.sizes["fluid"]
         self.few = runtime.few(capacity)
         self.target = ti.field(ti.i32, shape=capacity)

@@ -3,7 +3,7 @@
 import taichi as ti
 
 from sim.stage import Build, Stage
-from sim.wetting.merge import HEAVY, full_units
+from sim.wetting.merge import HEAVY
 
 
 @ti.data_oriented
@@ -17,7 +17,7 @@ class Rejoin:
         self.population = build.parts["population"]
         self.state_count, self.triangle = state.count, state["fluid.triangle"]
         self.v, self.units = state["fluid.v"], state["fluid.mass_units"]
-        self.most = int(HEAVY * full_units(build.config))
+        self.most = int(HEAVY * build.scene.water.units)
 
     def stages(self) -> tuple[Stage, ...]:
         """One, before drops are let go: `touch` of this step knows who touches."""

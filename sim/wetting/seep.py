@@ -70,8 +70,9 @@ class Seep:
             if ti.abs(drive) > held_back and opened > 0.0:
                 face = 0 if drive > 0.0 else 1
                 q = opened * self.flow(ti.abs(drive) / self.thickness)
-                fits = self.water.gap(p, 1 - face) - self.water.film_thickness(p)
                 volume = self.supply.covered(p, face) * q * self.water.area * dt
+                film = self.water.film_thickness(p)
+                fits = self.water.gap(p, 1 - face, 2.0 * (film + volume / self.water.area)) - film
                 self.supply.for_film[p][face] = self.water.units(ti.min(volume, ti.max(fits, 0.0) * self.water.area))
 
 
