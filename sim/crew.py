@@ -14,86 +14,104 @@ lost its processor to some other program, and gets it back sooner from a thread 
 
 
 @ti.data_oriented
+class Lists:
+    """Fields over pairs, by name. They grow now and then: new fields are new Lists, for which kernels are compiled."""
+
+    def __init__(self, **fields):
+        self.__dict__.update(fields)
+
+
+@ti.data_oriented
 class Crew:
-    """Runs a job: phases one after another, each over all rows, block by block, which any thread may take.
+    """Runs a job: phases one after another, each in tasks, which any thread may take.
 
     Taichi wakes its threads anew for each parallel loop, 80 to 200 us here, as much as a sweep over 5,000 particles
-    takes. A thread of the crew waits without a block in hand, and not for long: threads that come late, go home, or
+    takes. A thread of the crew waits without a task in hand, and not for long: threads that come late, go home, or
     never come lock nothing up. Where there is no crew (GPU), each phase is a kernel call of its own.
 
     A job has, all @ti.func:
-        begin()                               before the first phase, on one thread
-        count()                               rows
-        block(block, first, end, dt, lists)   rows first ... end - 1, its share of the phase; lists: three fields
-        decide() -> bool                      after each phase, on one thread: sets the next; whether there is one
+        begin()                  before the first phase, on one thread
+        count()                  rows; a phase has at most as many tasks as they have blocks
+        tasks()                  of the phase
+        work(task, dt, lists)    one of them; see `rows` for those that are blocks of rows
+        decide() -> bool         after each phase, on one thread: sets the next; whether there is one
     """
 
     def __init__(self):
         settings = runtime.running() or {}
         self.awake = settings.get("arch") == "cpu"
         self.turns = TURNS * min(settings.get("threads", 1), runtime.cores())
-        self.ticket, self.done, self.over = (ti.field(ti.i32, ()) for _ in range(3))
+        self.ticket, self.tasks, self.done, self.over = (ti.field(ti.i32, ()) for _ in range(4))
 
-    def run(self, job, dt: float, neighbour, weight, slope) -> None:
-        """All phases of a job, over pairs (see sim.fluid.pairs), which grow now and then and so are handed in."""
-        more = self._run(job, 1, dt, neighbour, weight, slope)
+    def run(self, job, dt: float, lists: Lists) -> None:
+        """All phases of a job, over pairs."""
+        more = self._run(job, 1, dt, lists)
         while more:
-            more = self._run(job, 0, dt, neighbour, weight, slope)
+            more = self._run(job, 0, dt, lists)
 
     @ti.kernel
-    def _run(
-        self,
-        job: ti.template(),
-        begin: ti.i32,
-        dt: float,
-        neighbour: ti.template(),
-        weight: ti.template(),
-        slope: ti.template(),
-    ) -> ti.i32:
+    def _run(self, job: ti.template(), begin: ti.i32, dt: float, lists: ti.template()) -> ti.i32:
         """All phases, or one where there is no crew; whether there are more."""
-        if begin:
-            self.ticket[None] = self.done[None] = self.over[None] = 0
-            job.begin()
         count = job.count()
-        blocks = ti.max((count + BLOCK - 1) // BLOCK, 1)
+        end = blocks(count)
+        if begin:
+            job.begin()
+            self.over[None], self.ticket[None] = 0, end
+            self._open(job, end)
         if ti.static(self.awake):
             for turn in range(self.turns):  # each thread comes by once
                 if turn % TURNS == 0:
-                    block = 0
-                    while block >= 0:
-                        block = self._take(blocks)
-                        if block >= 0:
-                            first, end = block * BLOCK, ti.min((block + 1) * BLOCK, count)
-                            job.block(block, first, end, dt, neighbour, weight, slope)
-                            if ti.atomic_add(self.done[None], 1) + 1 == blocks:
-                                self._close(job)
+                    ticket = 0
+                    while ticket >= 0:
+                        ticket = self._take(end)
+                        if ticket >= 0:
+                            job.work(end - 1 - ticket, dt, lists)
+                            if ti.atomic_add(self.done[None], 1) + 1 == self.tasks[None]:
+                                self._close(job, end)
         else:
-            for block in range(blocks):
-                first, end = block * BLOCK, ti.min((block + 1) * BLOCK, count)
-                job.block(block, first, end, dt, neighbour, weight, slope)
+            for task in range(self.tasks[None]):
+                job.work(task, dt, lists)
             ti.loop_config(serialize=True)
             for _ in range(1):
-                self._close(job)
+                self._close(job, end)
         return 1 - self.over[None]
 
     @ti.func
-    def _take(self, blocks):
-        """A block of the phase that is open; -1 when all is done, or patience is at its end."""
-        block = ti.atomic_add(self.ticket[None], 1)
+    def _take(self, end):
+        """A ticket of the phase that is open; -1 when all is done, or patience is at its end."""
+        ticket = ti.atomic_add(self.ticket[None], 1)
         looks = 0
-        while block >= blocks and looks < PATIENCE:
+        while ticket >= end and looks < PATIENCE:
             looks += 1
             if ti.atomic_add(self.over[None], 0) != 0:  # adds nothing: a read that is never left out
                 looks = PATIENCE
-            elif ti.atomic_add(self.ticket[None], 0) < blocks:
-                block = ti.atomic_add(self.ticket[None], 1)
-        return block if block < blocks else -1
+            elif ti.atomic_add(self.ticket[None], 0) < end:
+                ticket = ti.atomic_add(self.ticket[None], 1)
+        return ticket if ticket < end else -1
 
     @ti.func
-    def _close(self, job: ti.template()):
-        """After a phase's last block: open the next, if there is one."""
+    def _close(self, job: ti.template(), end):
+        """After a phase's last task: open the next, if there is one."""
         if job.decide():
-            self.done[None] = 0
-            ti.atomic_and(self.ticket[None], 0)
+            self._open(job, end)
         else:
             ti.atomic_add(self.over[None], 1)
+
+    @ti.func
+    def _open(self, job: ti.template(), end):
+        """Tickets of a phase run from end - tasks to end - 1: at `end` and beyond, all are taken, whatever phase a
+        thread believes in."""
+        self.done[None], self.tasks[None] = 0, job.tasks()
+        ti.atomic_min(self.ticket[None], end - self.tasks[None])
+
+
+@ti.func
+def blocks(count):
+    """Blocks of that many rows; one where there are none."""
+    return ti.max((count + BLOCK - 1) // BLOCK, 1)
+
+
+@ti.func
+def rows(block, count):
+    """(first, end) row of a block."""
+    return block * BLOCK, ti.min((block + 1) * BLOCK, count)

@@ -121,6 +121,15 @@ def few(turns: int) -> bool:
     return _started is not None and _started["arch"] == "cpu" and turns < 20_000
 
 
+def fours(size: int) -> ti.MatrixField:
+    """A field of vectors of four, each of which the compiler loads and stores at once. In a tree of its own it begins
+    on a page: in one with others, vectors may lie across cache lines, and a sweep takes a fifth longer."""
+    tree, field = ti.FieldsBuilder(), ti.Vector.field(4, float)
+    tree.dense(ti.i, size).place(field)
+    tree.finalize()
+    return field
+
+
 def running() -> dict | None:
     """The settings of `start`, or None before it."""
     return _started

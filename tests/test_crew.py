@@ -6,25 +6,27 @@ import taichi as ti
 from spawned import spawn
 
 from sim import runtime
-from sim.crew import BLOCK, Crew
+from sim.crew import BLOCK, Crew, Lists, blocks, rows
 from sim.runtime import TURNS
 
-ROWS, PHASES = 12 * BLOCK + 7, 40
+ROWS, PHASES, FEW = 12 * BLOCK + 7, 40, 3
 
 
 @ti.data_oriented
 class Job:
-    """Counts visits of each row in each phase, and phases that begin before the last is done."""
+    """Counts visits of each row in each phase, and phases that begin before the last is done. Every third phase has
+    tasks of another size."""
 
     def __init__(self):
         self.crew = Crew()
         self.phase = ti.field(ti.i32, ())
         self.visits = ti.field(ti.i32, (PHASES, ROWS))
         self.early = ti.field(ti.i32, ())
+        self.lists = Lists(visits=self.visits)
 
     def run(self):
-        """Three fields, which this job does not look at, stand for the lists of pairs."""
-        self.crew.run(self, 0.0, self.visits, self.visits, self.visits)
+        """A field that this job does not look at stands for the lists of pairs."""
+        self.crew.run(self, 0.0, self.lists)
 
     @ti.func
     def begin(self):
@@ -35,7 +37,14 @@ class Job:
         return ROWS
 
     @ti.func
-    def block(self, block, first, end, dt, a: ti.template(), b: ti.template(), c: ti.template()):
+    def tasks(self):
+        return FEW if self.phase[None] % 3 == 2 else blocks(ROWS)
+
+    @ti.func
+    def work(self, task, dt, lists: ti.template()):
+        first, end = rows(task, ROWS)
+        if self.phase[None] % 3 == 2:
+            first, end = task * ROWS // FEW, (task + 1) * ROWS // FEW
         phase = self.phase[None]
         for i in range(ROWS):
             if phase > 0:

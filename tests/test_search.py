@@ -34,6 +34,8 @@ def _scattered() -> dict[str, np.ndarray]:
         "clustered": random.normal(0.0, 0.06, (1200, 3)) + 0.8,
         "coincident": np.repeat(random.uniform(-0.5, 0.5, (2, 3)), 300, 0),
         "lattice": lattice,
+        "long in x": random.uniform(-1.0, 1.0, (900, 3)) * [1.0, 0.3, 0.2],
+        "long in y": random.uniform(-1.0, 1.0, (900, 3)) * [0.2, 1.0, 0.3],
         "plane": random.uniform(-1.0, 1.0, (800, 3)) * [1.0, 1.0, 0.0],
         "empty": np.zeros((0, 3)),
         "single": np.array([[0.2, -0.3, 0.9]]),
@@ -43,6 +45,15 @@ def _scattered() -> dict[str, np.ndarray]:
     }
 
 
+def _split(search, state) -> bool:
+    """Whether `middle` parts what lies before a row from what lies behind it."""
+    count = state.count[None]
+    start, middle, stop = (f.to_numpy()[:count] for f in (search.list.start, search.list.middle, search.list.stop))
+    rows = search.list.neighbour.to_numpy()
+    ends = enumerate(zip(start, middle, stop))
+    return all((rows[a:b] < i).all() and (rows[b:c] > i).all() for i, (a, b, c) in ends)
+
+
 def _listed(search, state) -> list[np.ndarray]:
     count = state.count[None]
     start, stop = (f.to_numpy()[:count] for f in (search.list.start, search.list.stop))
@@ -50,12 +61,14 @@ def _listed(search, state) -> list[np.ndarray]:
     return [neighbour[a:b].copy() for a, b in zip(start, stop)]
 
 
-def _compare(axes: tuple = (), space: tuple = SPACE) -> dict:
+def _compare(axes: tuple = (), space: tuple = SPACE, much: bool = False) -> dict:
+    """Both searches on all points; `much`: as they would search for 20,000 and more."""
     from sim import registry, runtime
     from sim.stage import Build
     from sim.state import ROWS, State
 
     runtime.start(threads=2)
+    runtime.few = lambda turns: not much
     registry.discover()
     grid_class, brute_class = (registry.method("search", name) for name in ("grid", "brute"))
     fluid = SimpleNamespace(support_radius=RADIUS, support=1.5)
@@ -80,13 +93,14 @@ def _compare(axes: tuple = (), space: tuple = SPACE) -> dict:
                 (np.sort(ids) == np.arange(len(points))).all() and np.array_equal(moved, whole[ids], equal_nan=True)
             ),
             "room": grid.list.room,
+            "split": _split(grid, state) and _split(brute, state),
         }
     return found
 
 
-@pytest.fixture(scope="module")
-def found():
-    return spawn(_compare)
+@pytest.fixture(scope="module", params=[False, True], ids=["few", "many"])
+def found(request):
+    return spawn(_compare, much=request.param)
 
 
 @pytest.mark.parametrize("name", list(_points()))
@@ -94,6 +108,11 @@ def test_grid_lists_what_brute_force_lists(found, name):
     grid, brute = found[name]["grid"], found[name]["brute"]
     assert len(grid) == len(_points()[name])
     assert all(np.array_equal(a, b) for a, b in zip(grid, brute))
+
+
+@pytest.mark.parametrize("name", list(_points()))
+def test_middle_parts_a_row_where_it_stands_itself(found, name):
+    assert found[name]["split"]
 
 
 @pytest.mark.parametrize("name", list(_points()))

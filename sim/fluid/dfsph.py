@@ -4,7 +4,9 @@ import math
 
 import taichi as ti
 
+from sim import runtime
 from sim.fluid.motion import Motion
+from sim.fluid.mutual import Mutual
 from sim.fluid.projection import Projection
 from sim.registry import register
 from sim.schema import Model, option, quantity
@@ -49,13 +51,14 @@ class Dfsph:
         self.x, self.v, self.mass, self.density, _, self.pressure_acceleration = (build.state[n] for n in self.rows)
         self.kappa, self.kappa_way, self.diagonal, self.guess = (build.state[row.name] for row in self.scratch)
         capacity = max(build.state.sizes["fluid"], 1)
-        self.u = ti.Vector.field(4, float, shape=capacity)
+        self.u = runtime.fours(capacity)
         self.support, self.spacing = build.config.fluid.support, build.config.fluid.spacing
         self.rest_density = build.config.fluid.liquid.rest_density
         met = (build.config.solid, build.config.cloth, build.config.space.periodic)
         self.free = not any(met)  # what water meets takes its spin, and periodic space knows none
         self.motion = Motion(build, terms, params.cfl, way=self.u)
-        self.projection = Projection(self)
+        many = runtime.running()["arch"] == "cpu" and not runtime.few(capacity)
+        self.projection = Mutual(self) if many and not build.config.space.periodic else Projection(self)
         self.iterations = {"velocity": 0, "way": 0}
         self.clock, self.bearable = build.parts["clock"], math.inf
         build.parts["pressure"] = self

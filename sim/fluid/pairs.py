@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from sim import runtime
 from sim.errors import CapacityError
 from sim.maths.kernels import KERNELS, lattice_shares
 from sim.search.sieve import ENTRIES, LANES
@@ -49,7 +50,7 @@ class Pairs:
         self.support_radius = fluid.support_radius
         self.scale = 1.0 / lattice_shares(self.kernel, fluid.support)[0]
         self.self_weight = self.scale * self.kernel.value(0.0, self.support_radius)
-        self.place = ti.Vector.field(4, float, shape=max(build.state.sizes["fluid"], 1))
+        self.place = runtime.fours(max(build.state.sizes["fluid"], 1))
         self.reals, self.rows_of_eight = ti.types.vector(LANES, float), ti.types.vector(LANES, ti.i32)
         self.weight = self.slope = None
         build.parts["pairs"] = self

@@ -5,7 +5,7 @@ from typing import Any
 
 import taichi as ti
 
-from sim.crew import Crew
+from sim.crew import Crew, Lists, blocks, rows
 from sim.errors import CapacityError
 from sim.fluid.motion import Motion
 from sim.maths.kernels import largest_eigenvalue, lattice_diagonal
@@ -77,7 +77,7 @@ class Pbf:
         self.crew = Crew()
         self.phase, self.done = ti.field(ti.i32, ()), ti.field(ti.i32, ())
         self.last = params.iterations - 1
-        self.gradient = None  # m_j grad W of each pair at x + s, along its line [kg/m^4]
+        self.lists = None  # gradient: m_j grad W of each pair at x + s, along its line [kg/m^4]
         self.iterations = {"density": params.iterations}
         build.parts["pressure"] = self
 
@@ -90,13 +90,14 @@ class Pbf:
 
     def solve(self, dt: float) -> None:
         """v such that the density at x + dt v is at most rho0, as far as the iterations get."""
-        neighbour = self.pairs.neighbour
-        if self.gradient is None or self.gradient.shape[0] != neighbour.shape[0]:
+        neighbour, weight = self.pairs.neighbour, self.pairs.weight
+        if self.lists is None or self.lists.weight is not weight:
             try:
-                self.gradient = ti.Vector.field(3, float, shape=neighbour.shape[0])
+                gradient = ti.Vector.field(3, float, shape=weight.shape)
             except RuntimeError as error:
-                raise CapacityError(f"fluid: no memory for {neighbour.shape[0]} pairs; use a larger spacing") from error
-        self.crew.run(self, dt, neighbour, self.pairs.weight, self.gradient)
+                raise CapacityError(f"fluid: no memory for {weight.shape[0]} pairs; use a larger spacing") from error
+            self.lists = Lists(neighbour=neighbour, weight=weight, gradient=gradient)
+        self.crew.run(self, dt, self.lists)
 
     def _softest(self, config: Any, stiffness: float) -> float:
         """dt [s] at which the highest block, or DEPTH spacings of water, compress their foot by `compression`."""
@@ -125,15 +126,21 @@ class Pbf:
         return self.state.count[None]
 
     @ti.func
-    def block(self, block, first, end, dt, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
+    def tasks(self):
+        """Blocks of rows, in every phase."""
+        return blocks(self.state.count[None])
+
+    @ti.func
+    def work(self, task, dt, lists: ti.template()):
         """A block's share of the phase."""
         phase, n = self.phase[None], self.done[None]
         momentum = n / (n + 3.0) if n < self.last else 0.0
+        first, end = rows(task, self.state.count[None])
         for i in range(first, end):
             if phase == MEASURE:
-                self._measure(i, dt, momentum, neighbour, weight, gradient)
+                self._measure(i, dt, momentum, lists)
             elif phase == SHIFT:
-                self._shift(i, dt, neighbour, gradient)
+                self._shift(i, dt, lists)
             elif phase == BEGIN:
                 self._begin(i, dt)
             else:
@@ -160,24 +167,24 @@ class Pbf:
         self.kappa[i], self.ahead[i], self.shift[i] = 0.0, 0.0, s
 
     @ti.func
-    def _measure(self, i, dt, momentum, neighbour: ti.template(), weight: ti.template(), gradient: ti.template()):
+    def _measure(self, i, dt, momentum, lists: ti.template()):
         """Density, gradients and the change of kappa at x + s. A pair without weight was cut and stays so."""
         m, x, s = self.mass[i], self.x[i], self.shift[i]
         total = self.walls.gradient[i]
         rho, spread = self.pairs.self_weight * m + self.wall[i] + total.dot(s), 0.0
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
-            j = neighbour[k]
+            j = lists.neighbour[k]
             line = self.pairs.apart(x, j)
             r = line + (s - self.shift[j])
             distance, size = r.norm(), line.norm_sqr()
-            share = ti.select(weight[k] > 0.0, self.pairs.scale * self.mass[j], 0.0)
+            share = ti.select(lists.weight[k] > 0.0, self.pairs.scale * self.mass[j], 0.0)
             if size > TOGETHER * distance * distance:
                 r = r.dot(line) / size * line
             g = share * self.kernel.slope(distance, self.support_radius) * r
             rho += share * self.kernel.value(distance, self.support_radius)
             spread += g.norm_sqr() * self.pairs.inverse_mass[j]
             total += g
-            gradient[k] = g
+            lists.gradient[k] = g
         old, guess = self.kappa[i], self.ahead[i]
         lack = dt * dt * (total.norm_sqr() + m * spread + self.epsilon)
         new = ti.max(guess + (rho - self.rest_density) / lack, 0.0)
@@ -185,11 +192,11 @@ class Pbf:
         self.density[i], self.kappa[i], self.ahead[i], self.change[i] = rho, new, ahead, ahead - guess
 
     @ti.func
-    def _shift(self, i, dt, neighbour: ti.template(), gradient: ti.template()):
+    def _shift(self, i, dt, lists: ti.template()):
         own = self.change[i]
         push = own * self.walls.gradient[i]
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
-            push += (own + self.change[neighbour[k]]) * gradient[k]
+            push += (own + self.change[lists.neighbour[k]]) * lists.gradient[k]
         self.shift[i] -= dt * dt * push
 
     @ti.func

@@ -2,7 +2,8 @@
 
 import taichi as ti
 
-from sim.crew import BLOCK, Crew
+from sim import runtime
+from sim.crew import BLOCK, Crew, Lists, blocks, rows
 from sim.maths.kernels import largest_eigenvalue, lattice_diagonal, lattice_pull
 
 START, DEMAND, PUSH, RELAX, AGAIN, TAKE, TURN = range(7)
@@ -76,17 +77,24 @@ class Projection:
         self.warm, self.iterations_max = p.warm_start, p.iterations_max
         self.share, self.density_error = p.divergence_error, p.density_error
         capacity = max(owner.state.sizes["fluid"], 1)
-        self.sums = ti.Vector.field(4, float, shape=capacity)
+        self.sums = runtime.fours(capacity)
         self.pushed = ti.field(float, shape=capacity if self.spins else 1)
         self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-owner.state.sizes["fluid"] // BLOCK), 1))
         self.phase, self.way, self.fresh, self.age, self.calm = (ti.field(ti.i32, ()) for _ in range(5))
         self.iterations = ti.field(ti.i32, 2)
         self.step, self.tolerance, self.first = (ti.field(ti.f64, ()) for _ in range(3))
+        self._lists = None
 
     def solve(self, dt: float) -> tuple[int, int]:
         """Iterations taken, of the velocity and of the way."""
-        self.crew.run(self, dt, self.pairs.neighbour, self.pairs.weight, self.pairs.slope)
+        self.crew.run(self, dt, self.lists())
         return self.iterations[0], self.iterations[1]
+
+    def lists(self) -> Lists:
+        """neighbour and slope of Pairs."""
+        if self._lists is None or self._lists.slope is not self.pairs.slope:
+            self._lists = Lists(neighbour=self.pairs.neighbour, slope=self.pairs.slope)
+        return self._lists
 
     @ti.func
     def begin(self):
@@ -100,18 +108,33 @@ class Projection:
         return self.o.state.count[None]
 
     @ti.func
-    def block(self, block, first, end, dt, neighbour: ti.template(), weight: ti.template(), slope: ti.template()):
+    def tasks(self):
+        """Blocks of rows, in every phase."""
+        return blocks(self.o.state.count[None])
+
+    @ti.func
+    def work(self, task, dt, lists: ti.template()):
         """A block's share of the phase."""
+        self._over_rows(task, dt, lists)
+
+    @ti.func
+    def decide(self):
+        """What comes next; whether anything does."""
+        return self._next()
+
+    @ti.func
+    def _over_rows(self, block, dt, lists: ti.template()):
         phase, way = self.phase[None], self.way[None]
+        first, end = rows(block, self.o.state.count[None])
         total, worst = ti.Vector([0.0, 0.0]), 0.0
         for i in range(first, end):
             if phase == PUSH:
-                self._push(i, dt, neighbour, slope)
+                self._push(i, dt, lists)
             elif phase == TURN:
                 if ti.static(self.spins):
-                    self._turn(i, dt, neighbour, slope)
+                    self.o.v[i] += dt * self._turns(i, dt, lists).xyz
             elif phase == RELAX or phase == DEMAND:
-                rate = self._rate(i, neighbour, slope)
+                rate = self._rate(i, lists)
                 if phase == RELAX:
                     one = self._relax(i, way, dt, rate)
                     total += one
@@ -128,8 +151,7 @@ class Projection:
         self.partial[block] = ti.Vector([total[0], total[1], worst])
 
     @ti.func
-    def decide(self):
-        """What comes next; whether anything does."""
+    def _next(self):
         phase, way, more = self.phase[None], self.way[None], True
         if phase == START:
             self.phase[None] = DEMAND
@@ -199,14 +221,24 @@ class Projection:
         return ti.Vector([left[0], left[1], worst])
 
     @ti.func
-    def _rate(self, i, neighbour: ti.template(), slope: ti.template()):
+    def _rate(self, i, lists: ti.template()):
         """D rho_i/Dt of velocities u, of solids that move too."""
+        total = self._rates(i, lists)
+        return self.o.walls.rate(i, self.o.u[i].xyz) + total[0] + total[1] + total[2]
+
+    @ti.func
+    def _rates(self, i, lists: ti.template()):
+        """Pairs' part of it, axis by axis."""
         own, place, total = self.o.u[i], self.pairs.place[i], ti.Vector([0.0, 0.0, 0.0, 0.0])
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
-            j = neighbour[k]
-            total += (own - self.o.u[j]) * self.pairs.beyond(place, j) * slope[k]
+            total += self._rate_of(own, place, lists.neighbour[k], lists.slope[k])
         self.sums[i] = total  # four numbers stored are four that the compiler sums at once
-        return self.o.walls.rate(i, own.xyz) + total[0] + total[1] + total[2]
+        return total
+
+    @ti.func
+    def _rate_of(self, own, place, j, slope):
+        """A pair's part."""
+        return (own - self.o.u[j]) * self.pairs.beyond(place, j) * slope
 
     @ti.func
     def _kappa(self, i, way):
@@ -231,29 +263,42 @@ class Projection:
         self.o.guess[i] = start
 
     @ti.func
-    def _push(self, i, dt, neighbour: ti.template(), slope: ti.template()):
+    def _push(self, i, dt, lists: ti.template()):
         """u = v + dt a,  a_i = -sum_j m_j (kappa_i + kappa_j) grad W_ij - kappa_i rho0 grad lambda_i."""
-        own, v, place = self.o.guess[i], self.o.v[i], self.pairs.place[i]
-        wall = own * self.o.walls.gradient[i]
-        a = ti.Vector([wall[0], wall[1], wall[2], 0.0])
-        for k in range(self.pairs.start[i], self.pairs.stop[i]):
-            j = neighbour[k]
-            a += ((own + self.o.guess[j]) * slope[k]) * self.pairs.beyond(place, j)
+        v, wall = self.o.v[i], self.o.guess[i] * self.o.walls.gradient[i]
+        a = self._pushes(i, ti.Vector([wall[0], wall[1], wall[2], 0.0]), lists)
         self.o.u[i] = ti.Vector([v[0], v[1], v[2], 0.0]) - dt * a
 
     @ti.func
-    def _turn(self, i, dt, neighbour: ti.template(), slope: ti.template()):
-        """v by the way's push where pairs begin, less the same where they end: see Projection."""
+    def _pushes(self, i, a, lists: ti.template()):
+        """a, and what pairs add to it."""
+        own, place = self.o.guess[i], self.pairs.place[i]
+        for k in range(self.pairs.start[i], self.pairs.stop[i]):
+            a += self._push_of(own, place, lists.neighbour[k], lists.slope[k])
+        return a
+
+    @ti.func
+    def _push_of(self, own, place, j, slope):
+        """A pair's part."""
+        return ((own + self.o.guess[j]) * slope) * self.pairs.beyond(place, j)
+
+    @ti.func
+    def _turns(self, i, dt, lists: ti.template()):
+        """dv/dt by the way's push where pairs begin, less the same where they end: see Projection."""
         own, u, place = self.pushed[i], self.o.u[i], self.pairs.place[i]
         a = ti.Vector([0.0, 0.0, 0.0, 0.0])
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
-            j = neighbour[k]
-            r, moved = self.pairs.beyond(place, j), dt * (u - self.o.u[j])
-            end = r + moved
-            less = ti.max(-self.fall * moved.dot(r + end), -1.0)
-            a += ((own + self.pushed[j]) * slope[k]) * (moved + less * end)
-        self.sums[i] = a  # stored whole, as in `_rate`
-        self.o.v[i] += dt * a.xyz
+            a += self._turn_of(own, u, place, dt, lists.neighbour[k], lists.slope[k])
+        self.sums[i] = a  # stored whole, as in `_rates`
+        return a
+
+    @ti.func
+    def _turn_of(self, own, u, place, dt, j, slope):
+        """A pair's part."""
+        r, moved = self.pairs.beyond(place, j), dt * (u - self.o.u[j])
+        end = r + moved
+        less = ti.max(-self.fall * moved.dot(r + end), -1.0)
+        return ((own + self.pushed[j]) * slope) * (moved + less * end)
 
     @ti.func
     def _relax(self, i, way, dt, rate):

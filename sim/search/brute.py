@@ -58,7 +58,7 @@ class BruteSearch:
         count, begin = self.state.count[None], block * BLOCK * room
         cursor = begin
         for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
-            self.list.start[i] = ti.min(cursor, begin + BLOCK * room)
+            self.list.start[i] = self.list.middle[i] = ti.min(cursor, begin + BLOCK * room)
             x = self.x[i]
             for j in range(count):
                 r = self.torus.nearest(x - self.x[j])
@@ -66,5 +66,7 @@ class BruteSearch:
                     if cursor < begin + BLOCK * room:
                         neighbour[cursor] = j
                     cursor += 1
+                    if j < i:
+                        self.list.middle[i] = ti.min(cursor, begin + BLOCK * room)
             self.list.stop[i] = ti.min(cursor, begin + BLOCK * room)
         return cursor - begin

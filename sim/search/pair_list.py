@@ -16,9 +16,10 @@ def first_room(support: float) -> int:
 
 @ti.data_oriented
 class PairList:
-    """Candidates of row i: neighbour[k] for start[i] <= k < stop[i].
+    """Candidates of row i: neighbour[k] for start[i] <= k < stop[i]. They rise, but where periodic space closes a ring,
+    and from middle[i] on they lie behind i.
 
-    start, stop   i32 fields (capacity,)
+    start, stop, middle   i32 fields (capacity,)
     neighbour     i32 field; replaced by a longer one when a list does not fit, so fetch it at each use and hand it to
                   kernels as a ti.template() argument
     room          entries a row, on average over a block, that there is space for
@@ -26,8 +27,7 @@ class PairList:
 
     def __init__(self, capacity: int, room: int):
         self.blocks = -(-max(capacity, 1) // BLOCK)
-        self.start = ti.field(ti.i32, shape=max(capacity, 1))
-        self.stop = ti.field(ti.i32, shape=max(capacity, 1))
+        self.start, self.stop, self.middle = (ti.field(ti.i32, shape=max(capacity, 1)) for _ in range(3))
         self.reserve(room)
 
     def reserve(self, room: int) -> None:

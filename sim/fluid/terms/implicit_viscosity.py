@@ -4,7 +4,7 @@ import math
 
 import taichi as ti
 
-from sim.crew import BLOCK, Crew
+from sim.crew import BLOCK, Crew, Lists, blocks, rows
 from sim.errors import CapacityError
 from sim.fluid.terms.wall_viscosity import WallViscosity
 from sim.registry import register
@@ -63,7 +63,7 @@ class ImplicitViscosity:
         self.steepness, self.scale = ti.field(ti.f64, ()), ti.field(ti.f64, ())
         self.inverse = ti.Matrix.field(3, 3, float, shape=capacity)
         self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-capacity // BLOCK), 1))
-        self.tie = None
+        self.lists = None
 
     def stages(self) -> tuple[Stage, ...]:
         """viscosity (accelerate)."""
@@ -71,13 +71,14 @@ class ImplicitViscosity:
 
     def run(self, dt: float) -> None:
         """Solve, and leave the change of velocity in v and acceleration."""
-        neighbour = self.pairs.neighbour
-        if self.tie is None or self.tie.shape[0] != neighbour.shape[0]:
+        neighbour, slope = self.pairs.neighbour, self.pairs.slope
+        if self.lists is None or self.lists.slope is not slope:
             try:
-                self.tie = ti.Vector.field(3, float, shape=neighbour.shape[0])
+                tie = ti.Vector.field(3, float, shape=slope.shape)
             except RuntimeError as error:
-                raise CapacityError(f"fluid: no memory for {neighbour.shape[0]} pairs; use a larger spacing") from error
-        self.crew.run(self, dt, neighbour, self.tie, self.pairs.slope)
+                raise CapacityError(f"fluid: no memory for {slope.shape[0]} pairs; use a larger spacing") from error
+            self.lists = Lists(neighbour=neighbour, slope=slope, tie=tie)
+        self.crew.run(self, dt, self.lists)
 
     @ti.func
     def begin(self):
@@ -90,23 +91,29 @@ class ImplicitViscosity:
         return self.state.count[None]
 
     @ti.func
-    def block(self, block, first, end, dt, neighbour: ti.template(), tie: ti.template(), slope: ti.template()):
+    def tasks(self):
+        """Blocks of rows, in every phase."""
+        return blocks(self.state.count[None])
+
+    @ti.func
+    def work(self, task, dt, lists: ti.template()):
         """A block's share of the phase."""
         phase, total = self.phase[None], ti.Vector([0.0, 0.0, 0.0], ti.f64)
+        first, end = rows(task, self.state.count[None])
         for i in range(first, end):
             if phase == BIND:
-                self._bind(i, dt, neighbour, tie, slope)
+                self._bind(i, dt, lists)
             elif phase == START:
-                total += self._start(i, dt, neighbour, tie)
+                total += self._start(i, dt, lists)
             elif phase == LOOK:
-                total[0] += self._look(i, neighbour, tie)
+                total[0] += self._look(i, lists)
             elif phase == GO:
                 total += self._go(i)
             elif phase == TURN:
                 self.way[i] = self.image[i] + self.share[None] * self.way[i]
             else:
-                self._end(i, dt, neighbour, tie)
-        self.partial[block] = total
+                self._end(i, dt, lists)
+        self.partial[task] = total
 
     @ti.func
     def decide(self):
@@ -143,18 +150,18 @@ class ImplicitViscosity:
         return sums
 
     @ti.func
-    def _bent(self, i, u: ti.template(), neighbour: ti.template(), tie: ti.template()):
+    def _bent(self, i, u: ti.template(), lists: ti.template()):
         """(A u)_i - u_i = sum_k tie (tie . (u_i - u_j)) + grip u_i."""
         own = u[i]
         total = ti.Vector([0.0, 0.0, 0.0])
         if ti.static(self.wall.some):
             total += self.grip[i] * own
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
-            total += tie[k] * tie[k].dot(own - u[neighbour[k]])
+            total += lists.tie[k] * lists.tie[k].dot(own - u[lists.neighbour[k]])
         return total
 
     @ti.func
-    def _bind(self, i, dt, neighbour: ti.template(), tie: ti.template(), slope: ti.template()):
+    def _bind(self, i, dt, lists: ti.template()):
         """v*, a first guess of u, the ties, and the particle's block inverted."""
         block = ti.Matrix([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
         slide = ti.Vector([0.0, 0.0, 0.0])
@@ -163,28 +170,28 @@ class ImplicitViscosity:
             self.grip[i], slide = dt * rate, dt * push
             block *= 1.0 + self.grip[i]
         for k in range(self.pairs.start[i], self.pairs.stop[i]):
-            r = self.pairs.apart(self.x[i], neighbour[k])
+            r = self.pairs.apart(self.x[i], lists.neighbour[k])
             size = r.norm_sqr()
-            strength = -dt * self.factor * slope[k] * size / ti.max(size * (size + self.soft), 1e-30)
-            tie[k] = ti.sqrt(ti.max(strength, 0.0)) * r
-            block += tie[k].outer_product(tie[k])
+            strength = -dt * self.factor * lists.slope[k] * size / ti.max(size * (size + self.soft), 1e-30)
+            lists.tie[k] = ti.sqrt(ti.max(strength, 0.0)) * r
+            block += lists.tie[k].outer_product(lists.tie[k])
         self.inverse[i] = block.inverse()
         self.goal[i] = self.v[i] + dt * self.pressure_acceleration[i] + slide
         self.u[i] = self.goal[i] + dt * self.change[i]
 
     @ti.func
-    def _start(self, i, dt, neighbour: ti.template(), tie: ti.template()):
+    def _start(self, i, dt, lists: ti.template()):
         """left and the first way; m left . z (z = inverse left), m left^2, and m max(|v*|, dt g)^2."""
-        left = self.goal[i] - self.u[i] - self._bent(i, self.u, neighbour, tie)
+        left = self.goal[i] - self.u[i] - self._bent(i, self.u, lists)
         z = self.inverse[i] @ left
         self.left[i], self.way[i] = left, z
         least = self.weight * dt
         return self.mass[i] * ti.Vector([left.dot(z), left.norm_sqr(), ti.max(self.goal[i].norm_sqr(), least * least)])
 
     @ti.func
-    def _look(self, i, neighbour: ti.template(), tie: ti.template()):
+    def _look(self, i, lists: ti.template()):
         """image = A way; m way . image."""
-        self.image[i] = self.way[i] + self._bent(i, self.way, neighbour, tie)
+        self.image[i] = self.way[i] + self._bent(i, self.way, lists)
         return self.mass[i] * self.way[i].dot(self.image[i])
 
     @ti.func
@@ -197,9 +204,9 @@ class ImplicitViscosity:
         return self.mass[i] * ti.Vector([left.dot(z), left.norm_sqr(), 0.0])
 
     @ti.func
-    def _end(self, i, dt, neighbour: ti.template(), tie: ti.template()):
+    def _end(self, i, dt, lists: ti.template()):
         """The solution's forces, and v by them. Neighbours are asked for u, which stays."""
-        gain = -self._bent(i, self.u, neighbour, tie)
+        gain = -self._bent(i, self.u, lists)
         if ti.static(self.wall.some):
             gain += self.goal[i] - self.v[i] - dt * self.pressure_acceleration[i]
         change = gain / dt
