@@ -121,6 +121,11 @@ def few(turns: int) -> bool:
     return _started is not None and _started["arch"] == "cpu" and turns < 20_000
 
 
+def many(particles: int) -> bool:
+    """Do their pairs fill more than a processor's own cache, so that to read each only once is worth some work?"""
+    return _started is not None and _started["arch"] == "cpu" and particles >= 40_000
+
+
 def fours(size: int) -> ti.MatrixField:
     """A field of vectors of four, each of which the compiler loads and stores at once. In a tree of its own it begins
     on a page: in one with others, vectors may lie across cache lines, and a sweep takes a fifth longer."""

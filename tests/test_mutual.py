@@ -65,7 +65,7 @@ def solve(path, much, precision="f64", threads=1):
     """Water after some steps, solved as much water is or as little is, however much there is; rows by place."""
     from sim import runtime
 
-    runtime.few = lambda turns: not much
+    runtime.many = lambda particles: much
     world = open_world(str(path), precision=precision, threads=threads)
     found = {"spin": [spin(world)]}
     for _ in range(STEPS):

@@ -62,13 +62,13 @@ def _listed(search, state) -> list[np.ndarray]:
 
 
 def _compare(axes: tuple = (), space: tuple = SPACE, much: bool = False) -> dict:
-    """Both searches on all points; `much`: as they would search for 20,000 and more."""
+    """Both searches on all points; `much`: as they would search among many thousands."""
     from sim import registry, runtime
     from sim.stage import Build
     from sim.state import ROWS, State
 
     runtime.start(threads=2)
-    runtime.few = lambda turns: not much
+    runtime.many = lambda particles: much
     registry.discover()
     grid_class, brute_class = (registry.method("search", name) for name in ("grid", "brute"))
     fluid = SimpleNamespace(support_radius=RADIUS, support=1.5)
