@@ -59,10 +59,11 @@ class Job:
         return self.phase[None] < PHASES
 
 
-def work(threads):
+def work(threads, awake):
     runtime.start(threads=threads)
     job = Job()
     job.crew.turns = threads * TURNS  # more of them than there are processors, too
+    job.crew.awake = awake
     counts = []
     for _ in range(20):
         job.visits.fill(0)
@@ -71,7 +72,8 @@ def work(threads):
     return np.array(counts), job.early[None]
 
 
-@pytest.mark.parametrize("threads", [1, 2, 8])
-def test_a_crew_does_every_row_once_and_in_turn(threads):
-    counts, early = spawn(work, threads=threads)
+@pytest.mark.parametrize("threads, awake", [(1, True), (2, True), (8, True), (2, False)])
+def test_a_crew_does_every_row_once_and_in_turn(threads, awake):
+    """Also where there is none: each phase a call of its own, as on a GPU."""
+    counts, early = spawn(work, threads=threads, awake=awake)
     assert (counts == 1).all() and early == 0
