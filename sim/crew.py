@@ -41,7 +41,7 @@ class Crew:
         settings = runtime.running() or {}
         self.awake = settings.get("arch") == "cpu"
         self.turns = TURNS * min(settings.get("threads", 1), runtime.cores())
-        self.ticket, self.tasks, self.done, self.over = (ti.field(ti.i32, ()) for _ in range(4))
+        self.ticket, self.left, self.over = (ti.field(ti.i32, ()) for _ in range(3))
 
     def run(self, job, dt: float, lists: Lists) -> None:
         """All phases of a job, over pairs."""
@@ -66,10 +66,10 @@ class Crew:
                         ticket = self._take(end)
                         if ticket >= 0:
                             job.work(end - 1 - ticket, dt, lists)
-                            if ti.atomic_add(self.done[None], 1) + 1 == self.tasks[None]:
+                            if ti.atomic_sub(self.left[None], 1) == 1:
                                 self._close(job, end)
         else:
-            for task in range(self.tasks[None]):
+            for task in range(self.left[None]):
                 job.work(task, dt, lists)
             ti.loop_config(serialize=True)
             for _ in range(1):
@@ -100,9 +100,11 @@ class Crew:
     @ti.func
     def _open(self, job: ti.template(), end):
         """Tickets of a phase run from end - tasks to end - 1: at `end` and beyond, all are taken, whatever phase a
-        thread believes in."""
-        self.done[None], self.tasks[None] = 0, job.tasks()
-        ti.atomic_min(self.ticket[None], end - self.tasks[None])
+        thread believes in. Tasks are counted down, so that whoever does the last one need not ask how many there were:
+        by then the next phase may be open, and it has others."""
+        tasks = job.tasks()
+        self.left[None] = tasks
+        ti.atomic_min(self.ticket[None], end - tasks)
 
 
 @ti.func

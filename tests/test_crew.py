@@ -10,6 +10,7 @@ from sim.crew import BLOCK, Crew, Lists, blocks, rows
 from sim.runtime import TURNS
 
 ROWS, PHASES, FEW = 12 * BLOCK + 7, 40, 3
+STEPS, MOST = 5000, 4
 
 
 @ti.data_oriented
@@ -77,3 +78,49 @@ def test_a_crew_does_every_row_once_and_in_turn(threads, awake):
     """Also where there is none: each phase a call of its own, as on a GPU."""
     counts, early = spawn(work, threads=threads, awake=awake)
     assert (counts == 1).all() and early == 0
+
+
+@ti.data_oriented
+class Stair:
+    """Thousands of phases with next to no work, each of as many tasks as the last or one less: a thread that has done
+    the last task but one has often yet to ask what is left when the next phase is open."""
+
+    def __init__(self):
+        self.crew = Crew()
+        self.phase, self.done = ti.field(ti.i32, ()), ti.field(ti.i32, STEPS)
+        self.lists = Lists(done=self.done)
+
+    @ti.func
+    def begin(self):
+        self.phase[None] = 0
+
+    @ti.func
+    def count(self):
+        return MOST * BLOCK
+
+    @ti.func
+    def tasks(self):
+        return MOST - self.phase[None] % 3
+
+    @ti.func
+    def work(self, task, dt, lists: ti.template()):
+        self.done[self.phase[None]] += 1
+
+    @ti.func
+    def decide(self):
+        self.phase[None] += 1
+        return self.phase[None] < STEPS
+
+
+def climb(threads):
+    runtime.start(threads=threads)
+    job, wrong = Stair(), 0
+    for _ in range(40):
+        job.done.fill(0)
+        job.crew.run(job, 0.0, job.lists)
+        wrong += int((job.done.to_numpy() != MOST - np.arange(STEPS) % 3).sum())
+    return wrong
+
+
+def test_a_phase_ends_with_its_own_last_task_however_many_the_next_has():
+    assert spawn(climb, threads=2) == 0
