@@ -8,7 +8,9 @@ from sim.runtime import TURNS
 BLOCK = 256
 """Rows that one thread does in a go. Fixed, so that sums of a block, then over the blocks in order, have the same bits
 on any number of threads. Less: better shared, more handshakes (0.1 us each)."""
-PATIENCE = 10_000
+LINE = 16
+"""Integers in a line of the cache: tickets of two threads are not in one."""
+PATIENCE = 20_000
 """Looks at whether the next phase is open, some 200 us, before a thread goes home: whoever is at its last block has
 lost its processor to some other program, and gets it back sooner from a thread that sleeps."""
 
@@ -27,7 +29,9 @@ class Crew:
 
     Taichi wakes its threads anew for each parallel loop, 80 to 200 us here, as much as a sweep over 5,000 particles
     takes. A thread of the crew waits without a task in hand, and not for long: threads that come late, go home, or
-    never come lock nothing up. Where there is no crew (GPU), each phase is a kernel call of its own.
+    never come lock nothing up. Each begins with its own share of the tasks, the same rows in every phase, which lie in
+    its processor's cache, and then helps the others. Where there is no crew (GPU), each phase is a kernel call of its
+    own.
 
     A job has, all @ti.func:
         begin()                  before the first phase, on one thread
@@ -37,11 +41,12 @@ class Crew:
         decide() -> bool         after each phase, on one thread: sets the next; whether there is one
     """
 
-    def __init__(self):
+    def __init__(self, members: int | None = None):
         settings = runtime.running() or {}
         self.awake = settings.get("arch") == "cpu"
-        self.turns = TURNS * min(settings.get("threads", 1), runtime.cores())
-        self.ticket, self.left, self.over = (ti.field(ti.i32, ()) for _ in range(3))
+        self.members = members or min(settings.get("threads", 1), runtime.cores())
+        self.ticket = ti.field(ti.i32, LINE * self.members)
+        self.tasks, self.left, self.phase = (ti.field(ti.i32, ()) for _ in range(3))
 
     def run(self, job, dt: float, lists: Lists) -> None:
         """All phases of a job, over pairs."""
@@ -52,20 +57,21 @@ class Crew:
     @ti.kernel
     def _run(self, job: ti.template(), begin: ti.i32, dt: float, lists: ti.template()) -> ti.i32:
         """All phases, or one where there is no crew; whether there are more."""
-        count = job.count()
-        end = blocks(count)
+        end = blocks(job.count())
         if begin:
             job.begin()
-            self.over[None], self.ticket[None] = 0, end
+            self.phase[None] = 0
+            for member in range(self.members):
+                self.ticket[LINE * member] = end
             self._open(job, end)
         if ti.static(self.awake):
-            for turn in range(self.turns):  # each thread comes by once
+            for turn in range(self.members * TURNS):  # each thread comes by once
                 if turn % TURNS == 0:
-                    ticket = 0
-                    while ticket >= 0:
-                        ticket = self._take(end)
-                        if ticket >= 0:
-                            job.work(end - 1 - ticket, dt, lists)
+                    task = 0
+                    while task >= 0:
+                        task = self._take(turn // TURNS, end)
+                        if task >= 0:
+                            job.work(task, dt, lists)
                             if ti.atomic_sub(self.left[None], 1) == 1:
                                 self._close(job, end)
         else:
@@ -74,20 +80,32 @@ class Crew:
             ti.loop_config(serialize=True)
             for _ in range(1):
                 self._close(job, end)
-        return 1 - self.over[None]
+        return self.phase[None] >= 0
 
     @ti.func
-    def _take(self, end):
-        """A ticket of the phase that is open; -1 when all is done, or patience is at its end."""
-        ticket = ti.atomic_add(self.ticket[None], 1)
-        looks = 0
-        while ticket >= end and looks < PATIENCE:
-            looks += 1
-            if ti.atomic_add(self.over[None], 0) != 0:  # adds nothing: a read that is never left out
+    def _take(self, member, end):
+        """A task of the phase that is open; -1 when all is done, or patience is at its end."""
+        task, tried, looks = -1, 0, 0
+        while task < 0 and looks < PATIENCE:
+            phase = ti.atomic_add(self.phase[None], 0)  # adds nothing: a read that is never left out
+            if phase < 0:
                 looks = PATIENCE
-            elif ti.atomic_add(self.ticket[None], 0) < end:
-                ticket = ti.atomic_add(self.ticket[None], 1)
-        return ticket if ticket < end else -1
+            elif phase == tried:
+                looks += 1
+            else:
+                tried = phase
+                for turn in range(self.members):
+                    if task < 0:
+                        share = (member + turn) % self.members
+                        ticket = ti.atomic_add(self.ticket[LINE * share], 1)
+                        if ticket < end:
+                            task = self._end_of(share) - end + ticket
+        return task
+
+    @ti.func
+    def _end_of(self, share):
+        """Where a member's share of the phase's tasks ends."""
+        return self.tasks[None] * (share + 1) // self.members
 
     @ti.func
     def _close(self, job: ti.template(), end):
@@ -95,16 +113,19 @@ class Crew:
         if job.decide():
             self._open(job, end)
         else:
-            ti.atomic_add(self.over[None], 1)
+            ti.atomic_min(self.phase[None], -1)
 
     @ti.func
     def _open(self, job: ti.template(), end):
-        """Tickets of a phase run from end - tasks to end - 1: at `end` and beyond, all are taken, whatever phase a
-        thread believes in. Tasks are counted down, so that whoever does the last one need not ask how many there were:
-        by then the next phase may be open, and it has others."""
+        """Tickets of a share run up to `end`: from there on all are taken, whatever phase a thread believes in. Tasks
+        are counted down, so that whoever does the last one need not ask how many there were: by then the next phase may
+        be open, and it has others."""
         tasks = job.tasks()
+        self.tasks[None] = tasks
         self.left[None] = tasks
-        ti.atomic_min(self.ticket[None], end - tasks)
+        for share in range(self.members):
+            ti.atomic_min(self.ticket[LINE * share], end - self._end_of(share) + self._end_of(share - 1))
+        ti.atomic_add(self.phase[None], 1)
 
 
 @ti.func

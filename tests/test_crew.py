@@ -7,7 +7,6 @@ from spawned import spawn
 
 from sim import runtime
 from sim.crew import BLOCK, Crew, Lists, blocks, rows
-from sim.runtime import TURNS
 
 ROWS, PHASES, FEW = 12 * BLOCK + 7, 40, 3
 STEPS, MOST = 5000, 4
@@ -18,8 +17,8 @@ class Job:
     """Counts visits of each row in each phase, and phases that begin before the last is done. Every third phase has
     tasks of another size."""
 
-    def __init__(self):
-        self.crew = Crew()
+    def __init__(self, members):
+        self.crew = Crew(members)
         self.phase = ti.field(ti.i32, ())
         self.visits = ti.field(ti.i32, (PHASES, ROWS))
         self.early = ti.field(ti.i32, ())
@@ -62,8 +61,7 @@ class Job:
 
 def work(threads, awake):
     runtime.start(threads=threads)
-    job = Job()
-    job.crew.turns = threads * TURNS  # more of them than there are processors, too
+    job = Job(members=threads)  # more of them than there are processors, too
     job.crew.awake = awake
     counts = []
     for _ in range(20):
