@@ -121,9 +121,11 @@ def few(turns: int) -> bool:
     return _started is not None and _started["arch"] == "cpu" and turns < 20_000
 
 
-def many(particles: int) -> bool:
-    """Do their pairs fill more than a processor's own cache, so that to read each only once is worth some work?"""
-    return _started is not None and _started["arch"] == "cpu" and particles >= 40_000
+def many(particles: int, sheet: bool) -> bool:
+    """Is it worth some work to read each pair of them only once? It asks for rows sorted along the water's longest
+    axis, in which the search for a sheet takes a tenth longer."""
+    least = 40_000 if sheet else 10_000
+    return _started is not None and _started["arch"] == "cpu" and particles >= least
 
 
 def fours(size: int) -> ti.MatrixField:

@@ -68,11 +68,11 @@ def _compare(axes: tuple = (), space: tuple = SPACE, much: bool = False) -> dict
     from sim.state import ROWS, State
 
     runtime.start(threads=2)
-    runtime.many = lambda particles: much
+    runtime.many = lambda particles, sheet: much
     registry.discover()
     grid_class, brute_class = (registry.method("search", name) for name in ("grid", "brute"))
     fluid = SimpleNamespace(support_radius=RADIUS, support=1.5)
-    config = SimpleNamespace(fluid=fluid, space=SimpleNamespace(low=space[0], high=space[1], periodic=axes))
+    config = SimpleNamespace(fluid=fluid, cloth=None, space=SimpleNamespace(low=space[0], high=space[1], periodic=axes))
     state = State([ROWS["fluid.id"], ROWS["fluid.x"], *grid_class.scratch], {"fluid": CAPACITY})
     grid, brute = (cls(Build(config, None, state), cls.Params()) for cls in (grid_class, brute_class))
     found = {}

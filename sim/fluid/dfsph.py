@@ -57,7 +57,7 @@ class Dfsph:
         met = (build.config.solid, build.config.cloth, build.config.space.periodic)
         self.free = not any(met)  # what water meets takes its spin, and periodic space knows none
         self.motion = Motion(build, terms, params.cfl, way=self.u)
-        once = runtime.many(capacity) and not build.config.space.periodic
+        once = runtime.many(capacity, build.config.cloth is not None) and not build.config.space.periodic
         self.projection = Mutual(self) if once else Projection(self)
         self.iterations = {"velocity": 0, "way": 0}
         self.clock, self.bearable = build.parts["clock"], math.inf

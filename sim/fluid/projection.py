@@ -62,6 +62,9 @@ class Projection:
     the pairs and walls, and u, of four numbers: three, and one that stays 0. u is left at the way, v at the velocity.
     """
 
+    sweeps_before = 1
+    """A step's sweeps over the neighbours that are no iteration's: DEMAND."""
+
     def __init__(self, owner):
         self.o = owner
         self.pairs = owner.pairs
@@ -115,7 +118,8 @@ class Projection:
     @ti.func
     def work(self, task, dt, lists: ti.template()):
         """A block's share of the phase."""
-        self._over_rows(task, dt, lists)
+        first, end = rows(task, self.o.state.count[None])
+        self._over_rows(task, first, end, dt, lists)
 
     @ti.func
     def decide(self):
@@ -123,9 +127,9 @@ class Projection:
         return self._next()
 
     @ti.func
-    def _over_rows(self, block, dt, lists: ti.template()):
+    def _over_rows(self, part, first, end, dt, lists: ti.template()):
+        """What the phase does to each row, once its sum is whole."""
         phase, way = self.phase[None], self.way[None]
-        first, end = rows(block, self.o.state.count[None])
         total, worst = ti.Vector([0.0, 0.0]), 0.0
         for i in range(first, end):
             if phase == PUSH:
@@ -148,7 +152,7 @@ class Projection:
                     v = self.o.v[i]
                     self.o.u[i] = ti.Vector([v[0], v[1], v[2], 0.0])
                 self._begin(i, way)
-        self.partial[block] = ti.Vector([total[0], total[1], worst])
+        self.partial[part] = ti.Vector([total[0], total[1], worst])
 
     @ti.func
     def _next(self):
@@ -210,13 +214,18 @@ class Projection:
         return more
 
     @ti.func
+    def _parts(self):
+        """That rows are summed up in."""
+        return blocks(self.o.state.count[None])
+
+    @ti.func
     def _mean(self):
         """Over particles, of the first two partial sums; the largest third."""
         count = self.o.state.count[None]
         left, worst = ti.Vector([0.0, 0.0], ti.f64), ti.f64(0.0)
-        for block in range((count + BLOCK - 1) // BLOCK):
-            left += self.partial[block].xy
-            worst = ti.max(worst, self.partial[block][2])
+        for part in range(self._parts()):
+            left += self.partial[part].xy
+            worst = ti.max(worst, self.partial[part][2])
         left /= ti.max(count, 1)
         return ti.Vector([left[0], left[1], worst])
 

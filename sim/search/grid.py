@@ -58,7 +58,7 @@ class GridSearch:
         self.list = PairList(capacity, first_room(config.fluid.support))
         self.sieve = Sieve(capacity, self.support_radius, self.torus)
         self.few = runtime.few(capacity)
-        self.turns = runtime.many(capacity) and not self.torus.axes
+        self.turns = runtime.many(capacity, config.cloth is not None) and not self.torus.axes
         self.slowest = ti.field(ti.i32, ())
         build.parts["search"] = self
 
