@@ -36,8 +36,9 @@ def _ours() -> dict:
     """Slow and fast, by small and large steps, at each kind of sheet; and a pinch."""
     slow_and_fast = ((0.3, 5e-3), (10.0, 1e-3), (100.0, 1e-4))
     throws = tuple((cloth, *s) for cloth in ("flat", "folded", "moving") for s in slow_and_fast)
-    *rows, pinch, short, asked = _throws("ccd", 5e-4, throws, _pinch, lambda world: _pinch(world, 5e-5), _asked)
-    return {"throws": rows, "pinch": pinch, "short": short, "asked": asked}
+    acts = (_pinch, lambda world: _pinch(world, 5e-5), _asked, _slivers)
+    *rows, pinch, short, asked, slivers = _throws("ccd", 5e-4, throws, *acts)
+    return {"throws": rows, "pinch": pinch, "short": short, "asked": asked, "slivers": slivers}
 
 
 def _asked(world) -> dict:
@@ -64,6 +65,39 @@ def _asked(world) -> dict:
         contact.catch.find()
         crossed.append(contact.catch.crossed.to_numpy()[:living])
     return {"crossed": crossed, "gap": gap[:living], "nearest": nearest}
+
+
+def _slivers(world) -> dict:
+    """Water about a sheet with a thin triangle here and there, where that is nearest: gap, as it is found first and
+    then from the triangle found before; and how far off its box is."""
+    state, contact, random = world.state, world.build.parts["contact"], np.random.default_rng(4)
+    sheet, living, used, at = state["cloth.x"].to_numpy(), int(state.count[None]), set(), []
+    sheet += random.uniform(-0.003, 0.003, sheet.shape).astype(np.float32)
+    for p, q, r in world.scene.sheet.triangles:
+        if not used & {p, q, r}:
+            sheet[p] = 0.6 * sheet[q] + 0.4 * sheet[r]
+            used |= {p, q, r}
+            at.append(p)
+    state["cloth.x"].from_numpy(sheet)
+    a, b, c = (sheet[world.scene.sheet.triangles[:, k]].astype(float) for k in range(3))
+    longest = np.max([((p - q) ** 2).sum(1) for p, q in ((a, b), (b, c), (c, a))], 0)
+    thin = (np.cross(b - a, c - a) ** 2).sum(1) < 0.9e-3 * longest**2
+    gaps, boxes = ([], []), []
+    for _ in range(20):
+        x = random.choice(sheet[at], state["fluid.x"].shape[0]) + random.uniform(-0.003, 0.003, (1, 3))
+        state["fluid.x"].from_numpy(x.astype(np.float32))
+        state["fluid.triangle"].fill(-1)
+        contact.sides.run(1e-3)
+        first = contact.sides.gap.to_numpy()[:living]
+        contact.sides.run(1e-3)
+        nearest = state["fluid.triangle"].to_numpy()[:living]
+        corners = sheet[world.scene.sheet.patches[nearest // 2]]
+        outside = np.maximum(corners.min(1) - x[:living], x[:living] - corners.max(1)).clip(0.0)
+        found = (nearest >= 0) & thin[nearest]
+        for gap, told in zip((first, contact.sides.gap.to_numpy()[:living]), gaps):
+            told.extend(gap[found])
+        boxes.extend(np.linalg.norm(outside, axis=1)[found])
+    return {"gaps": np.array(gaps), "box": np.array(boxes)}
 
 
 def _pinch(world, dt: float = 1e-3) -> dict:
@@ -120,6 +154,13 @@ def test_no_place_of_the_sheet_is_nearer_than_the_gap(ours):
     gap, nearest = ours["asked"]["gap"], ours["asked"]["nearest"]
     assert (0.999 * gap <= nearest).all()
     assert 0.05 < (gap < gap.max()).mean()
+
+
+def test_of_a_sliver_only_its_box_tells_how_near_it_is(ours):
+    gaps, box = ours["slivers"]["gaps"], ours["slivers"]["box"]
+    assert len(box) > 20
+    for gap in gaps:
+        assert (gap <= 1.001 * box + 1e-6).all()
 
 
 def test_a_step_that_pinches_water_is_taken_back_and_keeps_momentum(ours):

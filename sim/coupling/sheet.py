@@ -100,16 +100,18 @@ class SheetGeometry:
         return normal.normalized(1e-30)
 
     @ti.func
-    def is_sliver(self, t):
-        """Whether t is so thin that f32 cannot tell how far off it is."""
-        a, b, c = self.points(t)
-        longest = ti.max((b - a).norm_sqr(), (c - b).norm_sqr(), (a - c).norm_sqr())
-        return (b - a).cross(c - a).norm_sqr() <= SLIVER * longest * longest
-
-    @ti.func
     def face_normal(self, t):
         a, b, c = self.points(t)
         return (b - a).cross(c - a).normalized(1e-30)
+
+
+@ti.func
+def is_sliver(a, b, c):
+    """Whether a triangle is so thin that f32 cannot tell how far off it is."""
+    u, v = b - a, c - a
+    uu, vv, uv = u.norm_sqr(), v.norm_sqr(), u.dot(v)
+    longest = ti.max(uu, vv, uu + vv - 2.0 * uv)
+    return uu * vv - uv * uv <= SLIVER * longest * longest
 
 
 def neighbours(triangles: np.ndarray) -> np.ndarray:

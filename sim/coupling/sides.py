@@ -3,20 +3,23 @@
 import taichi as ti
 import taichi.math as tm
 
-from sim.coupling.sheet import ROUNDING
+from sim.coupling.sheet import ROUNDING, is_sliver
 from sim.maths.facet import closest_barycentric
 from sim.runtime import TURNS
 from sim.search.boxes import overlap
 
 RUN, RUNS = 16, 8
-"""Rows whose box looks for the sheet before they do, and such runs that a thread goes through in a go."""
+"""Rows that look for the sheet together, and such runs that a thread goes through in a go."""
+WIDE = 2.5
+"""[reach] Rows whose box is wider do not look together."""
 
 
 @ti.data_oriented
 class Sides:
     """Nearest triangle, side, and the cut of pairs. reads fluid.x, cloth.x; writes fluid.triangle, fluid.side.
 
-    gap (n,)   at the step's start no triangle was nearer than this, to 0.1 % [m]
+    gap (n,)       at the step's start no triangle was nearer than this, to 0.1 % [m]
+    weights (n,)   of the corners of the nearest triangle, where it is nearest
     """
 
     def __init__(self, build, sheet, boxes, reach: float):
@@ -25,7 +28,9 @@ class Sides:
         self.triangle, self.side = state["fluid.triangle"], state["fluid.side"]
         self.pairs = build.parts["pairs"]
         self.sheet, self.boxes, self.reach = sheet, boxes, reach
-        self.gap = ti.field(float, shape=state.sizes["fluid"])
+        capacity = state.sizes["fluid"]
+        self.gap, self.vague = (ti.field(float, shape=capacity) for _ in range(2))
+        self.weights = ti.Vector.field(3, float, shape=capacity)
 
     def run(self, dt: float) -> None:
         """Find sides on the positions that the pair list belongs to, then cut."""
@@ -38,98 +43,97 @@ class Sides:
     def _find(self) -> ti.i32:
         """Nearest triangle, gap and side; returns whether there is water on more than one side.
 
-        Rows that follow each other lie together: where their box is far from the sheet, they are not asked one by one.
+        Rows that follow each other lie together, and walk through the boxes together.
         """
         least, most = 1, -1
         for turn in range((self.count[None] + RUN - 1) // RUN * TURNS // RUNS):
             if turn % (TURNS // RUNS) == 0:
                 first = turn // (TURNS // RUNS) * RUN
                 end = ti.min(first + RUN, self.count[None])
-                low, high, near = self.x[first], self.x[first], False
-                for i in range(first, end):
-                    low, high = ti.min(low, self.x[i]), ti.max(high, self.x[i])
-                    near |= self.triangle[i] >= 0
-                for k in range(first - 1, end):  # one walk in the code, for it is dear to compile: first of the box
-                    i = ti.max(k, first)
-                    if k >= first:
-                        low, high = self.x[i], self.x[i]
-                    if near == (k >= first):
-                        nearest, gap, weights = self._nearest(low, high, self.triangle[i], k >= first)
-                        if k < first:
-                            near = gap < self.reach
-                        else:
-                            self.triangle[i], self.gap[i] = nearest, gap
-                            side = 0
-                            if nearest >= 0:
-                                side = self._side(low, nearest, weights)
-                                ti.atomic_min(least, side)
-                                ti.atomic_max(most, side)
-                            self.side[i] = side
-                    elif k >= first:
-                        self.triangle[i], self.gap[i], self.side[i] = -1, self.reach, 0
+                while first < end:
+                    last = self._stretch(first, end)
+                    self._nearest(first, last)
+                    for i in range(first, last):
+                        self.gap[i] = ti.sqrt(ti.min(self.gap[i], self.vague[i]))
+                        side = 0
+                        if self.triangle[i] >= 0:
+                            side = self._side(self.x[i], self.triangle[i], self.weights[i])
+                            ti.atomic_min(least, side)
+                            ti.atomic_max(most, side)
+                        self.side[i] = side
+                    first = last
         return least < most
 
     @ti.func
-    def _nearest(self, low, high, hint, single):
-        """(nearest triangle within reach or -1, gap, weights of the nearest place) of a single place; of a box only
-        the gap, 0 if it is less than the reach. Last step's triangle goes first and prunes the rest; ties go to the
-        lower number, so that where one began makes no difference."""
-        best, nearest, weights = self.reach * self.reach, -1, tm.vec3(0.0)
-        if single and hint >= 0:
-            best, nearest, weights = self._nearer(low, hint, best, nearest, weights)
-        within, vague = ti.sqrt(best) + ROUNDING, best
-        walk = self.boxes.begin(low - within, high + within)
-        while walk[0] < walk[1]:
-            walk, first, last = self.boxes.next(walk, low - within, high + within)
-            for s in range(first, last):
-                p = self.boxes.slots[s]
-                outside = ti.max(self.sheet.low[p] - high, low - self.sheet.high[p], 0.0)
-                if outside.norm_sqr() <= best:
-                    if single:
-                        for t in range(2 * p, 2 * p + 2):
-                            if self.sheet.is_sliver(t):
-                                vague = ti.min(vague, outside.norm_sqr())
-                            if t != hint:
-                                best, nearest, weights = self._nearer(low, t, best, nearest, weights)
-                    else:
-                        best, walk[0] = 0.0, walk[1]
-        return nearest, ti.sqrt(ti.min(best, vague)), weights
+    def _stretch(self, first, end):
+        """Where the rows from `first` on end that lie in a box that is not WIDE."""
+        low, high, last, fits = self.x[first], self.x[first], first + 1, True
+        while last < end and fits:
+            low, high = ti.min(low, self.x[last]), ti.max(high, self.x[last])
+            fits = (high - low).max() <= WIDE * self.reach
+            last += fits
+        return last
 
     @ti.func
-    def _nearer(self, x, t, best, nearest, weights):
-        """The better of the best so far and triangle t."""
+    def _nearest(self, first, end):
+        """Of rows that lie together: the nearest triangle within reach or -1, weights, and as `gap` its square.
+
+        Last step's triangle goes first and prunes the rest; ties go to the lower number, so that where one began makes
+        no difference.
+        """
+        low, high, farthest = self.x[first], self.x[first], 0.0
+        for i in range(first, end):
+            x, hint = self.x[i], self.triangle[i]
+            low, high = ti.min(low, x), ti.max(high, x)
+            self.gap[i], self.vague[i], self.triangle[i] = self.reach * self.reach, self.reach * self.reach, -1
+            if hint >= 0:
+                self._try(i, x, hint, 0.0)
+            farthest = ti.max(farthest, self.gap[i])
+        within = ti.sqrt(farthest) + ROUNDING
+        walk = self.boxes.begin(low - within, high + within)
+        while walk[0] < walk[1]:
+            walk, start, stop = self.boxes.next(walk, low - within, high + within)
+            for s in range(start, stop):
+                p = self.boxes.slots[s]
+                a, b = self.sheet.low[p], self.sheet.high[p]
+                if ti.max(a - high, low - b, 0.0).norm_sqr() <= farthest:
+                    for i in range(first, end):
+                        x = self.x[i]
+                        outside_sq = ti.max(a - x, x - b, 0.0).norm_sqr()
+                        if outside_sq <= self.gap[i]:
+                            for t in range(2 * p, 2 * p + 2):
+                                if t != self.triangle[i]:
+                                    self._try(i, x, t, outside_sq)
+
+    @ti.func
+    def _try(self, i, x, t, outside_sq):
+        """Take triangle t if it is nearer than the best so far; of a sliver only its box tells how near it may be."""
         a, b, c = self.sheet.points(t)
         w = closest_barycentric(x, a, b, c)
-        r = x - (w[0] * a + w[1] * b + w[2] * c)
-        d, n, v = best, nearest, weights
-        if r.norm_sqr() < best or (r.norm_sqr() == best and t < nearest):
-            d, n, v = r.norm_sqr(), t, w
-        return d, n, v
+        r = (x - (w[0] * a + w[1] * b + w[2] * c)).norm_sqr()
+        if r < self.gap[i] or (r == self.gap[i] and t < self.triangle[i]):
+            self.gap[i], self.triangle[i], self.weights[i] = r, t, w
+        if is_sliver(a, b, c):
+            self.vague[i] = ti.min(self.vague[i], outside_sq)
 
     @ti.func
     def _side(self, x, t, w):
         """By the normal interpolated between nodes, which is right at edges and corners too; 0 beyond a hem."""
-        corner, beside = self.sheet.corner[t], self.sheet.beside[t]
         a, b, c = self.sheet.points(t)
-        r = x - (w[0] * a + w[1] * b + w[2] * c)
-        face = (b - a).cross(c - a).normalized(1e-30)
-        normal = face
-        inside = w[0] > 0.0 and w[1] > 0.0 and w[2] > 0.0
-        side = 0
-        if not inside:
+        r, face = x - (w[0] * a + w[1] * b + w[2] * c), (b - a).cross(c - a)
+        normal, beyond = face, False
+        if ti.min(w[0], w[1], w[2]) <= 0.0:
+            corner, beside, hem = self.sheet.corner[t], self.sheet.beside[t], False
             normal = tm.vec3(0.0)
             for k in ti.static(range(3)):
                 if w[k] > 0.0:
                     normal += w[k] * self.sheet.node_normal(corner[k])
-        if r.dot(normal) > 0.0:
-            side = 1
-        elif r.dot(normal) < 0.0:
-            side = -1
-        tangential = r - r.dot(face) * face
-        for k in ti.static(range(3)):
-            if w[k] <= 0.0 and beside[k] < 0 and tangential.norm_sqr() > 0.01 * r.norm_sqr():
-                side = 0
-        return side
+                else:
+                    hem |= beside[k] < 0
+            tangential = r - r.dot(face) / ti.max(face.norm_sqr(), 1e-30) * face
+            beyond = hem and tangential.norm_sqr() > 0.01 * r.norm_sqr()
+        out = r.dot(normal)
+        return 0 if beyond else ti.cast(out > 0.0, ti.i32) - ti.cast(out < 0.0, ti.i32)
 
     @ti.kernel
     def _cut(self, neighbour: ti.template(), weight: ti.template(), slope: ti.template()):
