@@ -13,6 +13,8 @@ LINE = 16
 PATIENCE = 20_000
 """Looks at whether the next phase is open, some 200 us, before a thread goes home: whoever is at its last block has
 lost its processor to some other program, and gets it back sooner from a thread that sleeps."""
+OVER = -(1 << 30)
+"""The phase after the last one; far below zero, where whoever opened the last one and counts it late leaves it."""
 
 
 @ti.data_oriented
@@ -99,13 +101,13 @@ class Crew:
                         share = (member + turn) % self.members
                         ticket = ti.atomic_add(self.ticket[LINE * share], 1)
                         if ticket < end:
-                            task = self._end_of(share) - end + ticket
+                            task = self._end_of(share, self.tasks[None]) - end + ticket
         return task
 
     @ti.func
-    def _end_of(self, share):
-        """Where a member's share of the phase's tasks ends."""
-        return self.tasks[None] * (share + 1) // self.members
+    def _end_of(self, share, tasks):
+        """Where a member's share of a phase's tasks ends."""
+        return tasks * (share + 1) // self.members
 
     @ti.func
     def _close(self, job: ti.template(), end):
@@ -113,18 +115,24 @@ class Crew:
         if job.decide():
             self._open(job, end)
         else:
-            ti.atomic_min(self.phase[None], -1)
+            ti.atomic_min(self.phase[None], OVER)
 
     @ti.func
     def _open(self, job: ti.template(), end):
         """Tickets of a share run up to `end`: from there on all are taken, whatever phase a thread believes in. Tasks
         are counted down, so that whoever does the last one need not ask how many there were: by then the next phase may
-        be open, and it has others."""
+        be open, and it has others. So it may even before this one is counted, and all be over."""
         tasks = job.tasks()
         self.tasks[None] = tasks
         self.left[None] = tasks
         for share in range(self.members):
-            ti.atomic_min(self.ticket[LINE * share], end - self._end_of(share) + self._end_of(share - 1))
+            size = self._end_of(share, tasks) - self._end_of(share - 1, tasks)
+            ti.atomic_min(self.ticket[LINE * share], end - size)
+        self._tell()
+
+    @ti.func
+    def _tell(self):
+        """Those who wait that there are new tickets."""
         ti.atomic_add(self.phase[None], 1)
 
 

@@ -83,8 +83,8 @@ class Stair:
     """Thousands of phases with next to no work, each of as many tasks as the last or one less: a thread that has done
     the last task but one has often yet to ask what is left when the next phase is open."""
 
-    def __init__(self):
-        self.crew = Crew()
+    def __init__(self, steps=STEPS):
+        self.crew, self.steps = Crew(), steps
         self.phase, self.done = ti.field(ti.i32, ()), ti.field(ti.i32, STEPS)
         self.lists = Lists(done=self.done)
 
@@ -107,7 +107,18 @@ class Stair:
     @ti.func
     def decide(self):
         self.phase[None] += 1
-        return self.phase[None] < STEPS
+        return self.phase[None] < self.steps
+
+
+@ti.data_oriented
+class Late(Crew):
+    """Tells so late of a phase that others may have found it, done it and closed the last one."""
+
+    @ti.func
+    def _tell(self):
+        for _ in range(20_000):
+            ti.atomic_add(self.phase[None], 0)
+        ti.atomic_add(self.phase[None], 1)
 
 
 def climb(threads):
@@ -118,6 +129,22 @@ def climb(threads):
         job.crew.run(job, 0.0, job.lists)
         wrong += int((job.done.to_numpy() != MOST - np.arange(STEPS) % 3).sum())
     return wrong
+
+
+def hear_late(threads):
+    """Phases that are not done as they should be. If the last one were open again, this would not end."""
+    runtime.start(threads=threads)
+    job, wrong = Stair(3), 0
+    job.crew = Late(threads)
+    for _ in range(300):
+        job.done.fill(0)
+        job.crew.run(job, 0.0, job.lists)
+        wrong += int((job.done.to_numpy()[:3] != [MOST, MOST - 1, MOST - 2]).sum())
+    return wrong
+
+
+def test_who_tells_late_of_the_last_phase_does_not_open_it_again():
+    assert spawn(hear_late, threads=8) == 0
 
 
 def test_a_phase_ends_with_its_own_last_task_however_many_the_next_has():
