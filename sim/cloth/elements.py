@@ -6,9 +6,6 @@ import taichi as ti
 from sim.maths.ccd import EDGES, POINT
 from sim.scene.cloth import Sheet
 
-TESTS_MAX = 63
-"""Tests of two patches fit into the bits of an i64."""
-
 
 @ti.data_oriented
 class Elements:

@@ -10,8 +10,6 @@ are walked through in steps of gap over largest relative speed, which pass no co
 import taichi as ti
 import taichi.math as tm
 
-dvec3 = ti.types.vector(3, ti.f64)
-
 EXACT, ROUNDED = 2.0**-50, 2.0**-22
 """[1] Slack, of the largest coordinate: of points that are meant as they stand, and of points rounded to f32 (two of
 them may be parted by sqrt(3) 2^-23)."""
