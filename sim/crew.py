@@ -43,10 +43,10 @@ class Crew:
         decide() -> bool         after each phase, on one thread: sets the next; whether there is one
     """
 
-    def __init__(self, members: int | None = None):
+    def __init__(self):
         settings = runtime.running() or {}
         self.awake = settings.get("arch") == "cpu"
-        self.members = members or min(settings.get("threads", 1), runtime.cores())
+        self.members = min(settings.get("threads", 1), runtime.cores())
         self.ticket = ti.field(ti.i32, LINE * self.members)
         self.tasks, self.left, self.phase = (ti.field(ti.i32, ()) for _ in range(3))
 

@@ -17,8 +17,8 @@ class Job:
     """Counts visits of each row in each phase, and phases that begin before the last is done. Every third phase has
     tasks of another size."""
 
-    def __init__(self, members):
-        self.crew = Crew(members)
+    def __init__(self):
+        self.crew = Crew()
         self.phase = ti.field(ti.i32, ())
         self.visits = ti.field(ti.i32, (PHASES, ROWS))
         self.early = ti.field(ti.i32, ())
@@ -59,9 +59,15 @@ class Job:
         return self.phase[None] < PHASES
 
 
-def work(threads, awake):
+def start(threads):
+    """With a crew of so many, though there may be fewer processors."""
+    runtime.cores = lambda: threads
     runtime.start(threads=threads)
-    job = Job(members=threads)  # more of them than there are processors, too
+
+
+def work(threads, awake):
+    start(threads)
+    job = Job()
     job.crew.awake = awake
     counts = []
     for _ in range(20):
@@ -133,9 +139,9 @@ def climb(threads):
 
 def hear_late(threads):
     """Phases that are not done as they should be. If the last one were open again, this would not end."""
-    runtime.start(threads=threads)
+    start(threads)
     job, wrong = Stair(3), 0
-    job.crew = Late(threads)
+    job.crew = Late()
     for _ in range(300):
         job.done.fill(0)
         job.crew.run(job, 0.0, job.lists)

@@ -20,6 +20,7 @@ class Sides:
 
     gap (n,)       at the step's start no triangle was nearer than this, to 0.1 % [m]
     weights (n,)   of the corners of the nearest triangle, where it is nearest
+    vague (n,)     distance squared of the nearest box with a sliver in it, or the reach [m^2]
     """
 
     def __init__(self, build, sheet, boxes, reach: float):
@@ -95,15 +96,20 @@ class Sides:
             walk, start, stop = self.boxes.next(walk, low - within, high + within)
             for s in range(start, stop):
                 p = self.boxes.slots[s]
-                a, b = self.sheet.low[p], self.sheet.high[p]
-                if ti.max(a - high, low - b, 0.0).norm_sqr() <= farthest:
-                    for i in range(first, end):
-                        x = self.x[i]
-                        outside_sq = ti.max(a - x, x - b, 0.0).norm_sqr()
-                        if outside_sq <= self.gap[i]:
-                            for t in range(2 * p, 2 * p + 2):
-                                if t != self.triangle[i]:
-                                    self._try(i, x, t, outside_sq)
+                if ti.max(self.sheet.low[p] - high, low - self.sheet.high[p], 0.0).norm_sqr() <= farthest:
+                    self._try_patch(p, first, end)
+
+    @ti.func
+    def _try_patch(self, p, first, end):
+        """Both triangles of patch p, for the rows whose best so far is no nearer than its box."""
+        a, b = self.sheet.low[p], self.sheet.high[p]
+        for i in range(first, end):
+            x = self.x[i]
+            outside_sq = ti.max(a - x, x - b, 0.0).norm_sqr()
+            if outside_sq <= self.gap[i]:
+                for t in range(2 * p, 2 * p + 2):
+                    if t != self.triangle[i]:
+                        self._try(i, x, t, outside_sq)
 
     @ti.func
     def _try(self, i, x, t, outside_sq):

@@ -38,6 +38,7 @@ class Mutual(Projection):
     """
 
     sweeps_before = 2
+    """DEMAND, and the pass that lists the pairs."""
 
     def __init__(self, owner):
         super().__init__(owner)
@@ -46,7 +47,6 @@ class Mutual(Projection):
         self.farthest = ti.field(ti.i32, capacity // GRAIN + 1)
         self.bound, self.fours = (ti.field(ti.i32, capacity // BLOCK + 3) for _ in range(2))
         self.chunks, self.odd, self.led = (ti.field(ti.i32, ()) for _ in range(3))
-        self.left = ti.field(ti.f64, ())
 
     def lists(self) -> Lists:
         """neighbour and slope of Pairs; start, near and pull."""
@@ -119,7 +119,7 @@ class Mutual(Projection):
                 end = first
             else:
                 self._pair(task, lists)
-        for turn in range(2):
+        for turn in range(2):  # both sweeps by one piece of code, for it is dear to compile
             if sweep != NONE:
                 self._over_chunk(chunk, sweep, dt, lists)
             if turn == 0:
@@ -172,8 +172,6 @@ class Mutual(Projection):
         else:
             if phase == PUSH:
                 self.led[None] = self._leads()
-            elif phase == RELAX:
-                self.left[None] = self._mean()[0]
             more = self._next()
             self.odd[None] = phase == RELAX and self.phase[None] == PUSH and self.led[None]
         return more

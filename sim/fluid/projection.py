@@ -85,7 +85,7 @@ class Projection:
         self.partial = ti.Vector.field(3, ti.f64, shape=max(-(-owner.state.sizes["fluid"] // BLOCK), 1))
         self.phase, self.way, self.fresh, self.age, self.calm = (ti.field(ti.i32, ()) for _ in range(5))
         self.iterations = ti.field(ti.i32, 2)
-        self.step, self.tolerance, self.first = (ti.field(ti.f64, ()) for _ in range(3))
+        self.step, self.tolerance, self.first, self.left = (ti.field(ti.f64, ()) for _ in range(4))
         self._lists = None
 
     def solve(self, dt: float) -> tuple[int, int]:
@@ -194,6 +194,7 @@ class Projection:
         """After an iteration: whether another follows, and how it begins."""
         left, turned, worst = self._mean()
         self.iterations[way] += 1
+        self.left[None] = left
         self.first[None] = ti.min(self.first[None], ti.max(left, self.tolerance[None]))
         self.age[None] = 0 if turned > 0.0 or self.calm[None] == 1 else self.age[None] + 1
         more = left > self.tolerance[None] or worst > WORST or ti.math.isnan(left)
