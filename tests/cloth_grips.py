@@ -30,10 +30,11 @@ class Grips:
     @ti.func
     def project(self, h):
         for j in range(self.nj):
-            self.cloth.shift(j, ti.Vector([self.low - self.cloth.position(j)[0], 0.0, 0.0]))
+            at = self.cloth.board.place(j)
+            self.cloth.shift(at, ti.Vector([self.low - self.cloth.position(at)[0], 0.0, 0.0]))
             if self.both[None]:
-                node = self.last + j
-                self.cloth.shift(node, ti.Vector([self.high[None] - self.cloth.position(node)[0], 0.0, 0.0]))
+                at = self.cloth.board.place(self.last + j)
+                self.cloth.shift(at, ti.Vector([self.high[None] - self.cloth.position(at)[0], 0.0, 0.0]))
 
     @ti.func
     def finish(self, h):

@@ -28,6 +28,30 @@ spacing = "1 cm"
 processes = ["absorb", "wick", "seep"]
 """
 
+GLIDE = """
+schema = 1
+[run]
+duration = "0.02 s"
+fps = 100
+[space]
+gravity = [0.0, 0.0, 0.0]
+low = [-0.3, -0.3, -0.3]
+high = [0.3, 0.3, 0.3]
+[fluid]
+spacing = "4 mm"
+[fluid.liquid]
+nu = "3e-5 m^2/s"
+[fluid.block.film]
+low = [-0.04, -0.02, 0.0]
+high = [0.0, 0.02, 0.004]
+velocity = [1.0, 0.0, 0.0]
+[cloth]
+size = ["12 cm", "10 cm"]
+spacing = "1 cm"
+[coupling]
+friction = 2.0
+"""
+
 TAUT = """
 schema = 1
 [run]
@@ -130,6 +154,36 @@ def test_nothing_leaks_and_the_last_step_hardly_acts(pool):
 
 def test_the_pool_comes_to_rest(pool):
     assert pool["speed"] < 0.05
+
+
+def _glide(path: str) -> list[dict]:
+    """Water that glides along a sheet that is held, in steps of two lengths, and along one that is free."""
+    world, told = open_world(path), []
+    start, living, sheet = world.save(), int(world.state.count[None]), world.scene.sheet
+    for free, dt in ((False, 5e-4), (False, 4e-3), (True, 1e-3)):
+        world.load(start)
+        world.state["cloth.inv_mass"].from_numpy((free / sheet.mass).astype(np.float32))
+        before = _momentum(world)
+        for _ in range(round(0.02 / dt)):
+            world.go(dt)
+        v = world.state["fluid.v"].to_numpy()[:living]
+        told.append({"v": v, "momentum": (before, _momentum(world))})
+    return told
+
+
+def test_a_film_is_slowed_as_its_drag_says_in_steps_of_any_length(tmp_path):
+    """dv/dt = -(a + b v) v, a = 3 nu/d^2, b = friction/(2 d): v = v0 e/(1 + (b/a) v0 (1 - e)), e = exp(-a t)."""
+    path = tmp_path / "glide.toml"
+    path.write_text(GLIDE)
+    *held, free = spawn(_glide, str(path))
+    a, b = 3.0 * 3e-5 / 0.004**2, 2.0 / (2.0 * 0.004)
+    left = np.exp(-0.02 * a)
+    for row in held:
+        assert row["v"][:, 0] == pytest.approx(left / (1.0 + b / a * (1.0 - left)), rel=1e-4)
+        assert np.abs(row["v"][:, 1:]).max() < 1e-6
+    before, after = free["momentum"]
+    assert 0.3 < free["v"][:, 0].mean() < 0.9
+    assert np.abs(after - before).max() < 1e-5 * np.linalg.norm(before)
 
 
 def _taut(path: str) -> dict:

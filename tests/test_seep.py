@@ -67,7 +67,7 @@ def test_strain_and_speed_stay_within_reason(coarse):
 
 
 def test_particle_size_does_not_show(coarse, fine):
-    """Saturation histories of dx and dx/2: measured 4.7 % and 7.1 %; the second is the less certain."""
+    """Saturation histories of dx and dx/2: measured 4.1 % and 9.6 %, and 4.1 to 4.6, 8.1 to 11.2 with other seeds."""
     one, two = np.array(coarse["saturation"]), np.array(fine["saturation"])
     times = np.arange(1, len(two) + 1) / 20.0
     assert np.abs(one - two).mean() / two[-1] <= 0.05

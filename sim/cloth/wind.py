@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from sim.cloth.board import places
 from sim.constants import AIR_DENSITY
 from sim.stage import Build
 
@@ -26,7 +27,7 @@ class Wind:
         sheet = build.scene.sheet
         self.parts, self.wind = build.parts, tuple(build.config.space.wind)
         self.corner = ti.Vector.field(3, ti.i32, len(sheet.triangles))
-        self.corner.from_numpy(np.asarray(sheet.triangles, np.int32))
+        self.corner.from_numpy(places(np.asarray(sheet.triangles), sheet.shape))
         build.parts.setdefault("guests", []).append(self)
 
     def begin(self, dt: float) -> None:
@@ -40,8 +41,7 @@ class Wind:
         """The force, before springs act: each corner moves by h^2 w f/3."""
         cloth, board = self.parts["cloth"], self.parts["cloth"].board
         for t in range(self.corner.shape[0]):
-            c = self.corner[t]
-            at = ti.Vector([board.place(c[k]) for k in ti.static(range(3))])
+            at = self.corner[t]
             a = board.vector(board.start, at[0])
             across = (board.vector(board.start, at[1]) - a).cross(board.vector(board.start, at[2]) - a)
             u = ti.Vector([self.wind[0], self.wind[1], self.wind[2]], board.real)
@@ -52,7 +52,7 @@ class Wind:
             face_on = u.dot(n) * n
             force = 0.5 * AIR_DENSITY * area * u.norm() * (FACE_ON * face_on + SKIN * (u - face_on))
             for k in ti.static(range(3)):
-                cloth.shift(c[k], h * h * board.w[at[k]] / 3.0 * force)
+                cloth.shift(at[k], h * h * board.w[at[k]] / 3.0 * force)
 
     @ti.func
     def project(self, h):

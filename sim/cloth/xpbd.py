@@ -37,7 +37,8 @@ class Xpbd:
     Guests, from build.parts["guests"], take part in every substep. Each names the rows it `reads` and `writes`, and
     has begin(dt), end(dt), called from Python around the kernel, and the @ti.func methods predict(h), project(h) and
     finish(h), called after the sheet's own prediction, after its springs and contacts, and after its velocities are
-    known. They see and move the sheet by the funcs below: position, start, velocity, weight, shift, push.
+    known. They see and move the sheet by the funcs below: position, velocity, weight, shift, push, of a node at its
+    place on the board (see sim.cloth.board.places).
     """
 
     class Params(Damped):
@@ -156,35 +157,28 @@ class Xpbd:
         return self.measure.kinetic_energy()
 
     @ti.func
-    def position(self, node):
-        """Where a node is now, within the substep [m]."""
-        return self.board.vector(self.board.x, self.board.place(node))
+    def position(self, at):
+        """Where the node at that place is now, within the substep [m]."""
+        return self.board.vector(self.board.x, at)
 
     @ti.func
-    def start(self, node):
-        """Where it was when the substep began [m]."""
-        return self.board.vector(self.board.start, self.board.place(node))
-
-    @ti.func
-    def velocity(self, node):
+    def velocity(self, at):
         """In `predict` and `project` that of the last substep, in `finish` that of this one [m/s]."""
-        return self.board.vector(self.board.v, self.board.place(node))
+        return self.board.vector(self.board.v, at)
 
     @ti.func
-    def weight(self, node):
+    def weight(self, at):
         """Inverse mass, 0 where a clip holds [1/kg]."""
-        return self.board.w[self.board.place(node)]
+        return self.board.w[at]
 
     @ti.func
-    def shift(self, node, offset):
+    def shift(self, at, offset):
         """Move a node by offset [m] in `project`: an impulse of offset/(h weight). Leave held nodes alone."""
-        at = self.board.place(node)
         self.board.set_vector(self.board.x, at, self.board.vector(self.board.x, at) + offset)
 
     @ti.func
-    def push(self, node, change):
+    def push(self, at, change):
         """Change a node's velocity [m/s] in `finish`. Leave held nodes alone."""
-        at = self.board.place(node)
         self.board.set_vector(self.board.v, at, self.board.vector(self.board.v, at) + change)
 
     @ti.kernel

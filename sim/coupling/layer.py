@@ -5,10 +5,11 @@ sequential sweep a substep (Macklin 2019). That alone carries 130:1 of water on 
 water's pressure in a step of its own diverges at every dt (added mass, Guendelman 2005).
 """
 
+import numpy as np
 import taichi as ti
 
 from sim import runtime
-from sim.cloth.board import private_real
+from sim.cloth.board import places, private_real
 from sim.maths.facet import plane_gap
 from sim.scene.puddle import TOUCH, film_height
 
@@ -32,11 +33,13 @@ class Layer:
     """A guest of the cloth solver (see sim.cloth.xpbd): begin; predict, project, finish each substep; end.
 
     Within a step it keeps positions in the solver's own precision: a substep's fall is lost in an f32.
+
+    corner (t,) ivec3    where the corners of each triangle stand on the solver's board
     """
 
     reads = (
         "fluid.x", "fluid.v", "fluid.mass", "fluid.acceleration", "fluid.pressure_acceleration", "fluid.expected_pull",
-        "fluid.triangle", "fluid.side",
+        "fluid.triangle", "fluid.side", "cloth.inv_mass",
     )  # fmt: skip
     writes = ("fluid.x", "fluid.v", "fluid.expected_pull", "fluid.triangle", "cloth.push_front", "cloth.push_back")
 
@@ -48,6 +51,7 @@ class Layer:
         self.pressure_acceleration = state["fluid.pressure_acceleration"]
         self.expected = state["fluid.expected_pull"]
         self.triangle, self.side = state["fluid.triangle"], state["fluid.side"]
+        self.node_v, self.node_w = state["cloth.v"], state["cloth.inv_mass"]
         self.push_front, self.push_back = state["cloth.push_front"], state["cloth.push_back"]
         self.dx = config.fluid.spacing
         self.restitution = config.coupling.restitution
@@ -58,7 +62,10 @@ class Layer:
         capacity = state.sizes["fluid"]
         self.count, self.touched = ti.field(ti.i32, shape=()), ti.field(ti.i32, shape=())
         self.elapsed = ti.field(self.real, shape=())
-        self.few = runtime.few(capacity)
+        self.few = runtime.few(self.push_front.shape[0] // 5)
+        triangles = np.asarray(build.scene.sheet.triangles)
+        self.corner = ti.Vector.field(3, ti.i32, shape=len(triangles))
+        self.corner.from_numpy(places(triangles, build.scene.sheet.shape))
         self.rubs = ti.field(ti.i32, shape=capacity)
         self.row, self.at = ti.field(ti.i32, shape=capacity), ti.field(ti.i32, shape=capacity)
         self.weight, self.face, self.gap, self.push = (ti.field(self.real, shape=capacity) for _ in range(4))
@@ -100,11 +107,14 @@ class Layer:
     @ti.kernel
     def end(self, dt: float):
         """Put it back so that `x += dt v` of the mover ends where the substeps ended; the pressure that they expected
-        is taken off again, since the solve gives all of it."""
+        is taken off again, since the solve gives all of it. Those that touch feel the drag of the whole step: it is
+        slow, beside what the substeps are for."""
         ti.loop_config(serialize=True)
         for s in range(self.count[None]):
-            i = self.row[s]
-            self.x[i] = ti.cast(self.place[s] - dt * self.speed[s], float)
+            i, before = self.row[s], self.speed[s]
+            if self.rubs[s]:
+                self._rub(s, dt)
+            self.x[i] = ti.cast(self.place[s] - 0.5 * dt * (before + self.speed[s]), float)
             self.v[i] = ti.cast(self.speed[s], float) - dt * self.expected[i]
             self.triangle[i] = self.at[s]
 
@@ -125,7 +135,7 @@ class Layer:
             self.push[s] = 0.0
             missing = ti.min(OFFSET * self.dx, self.gap[s] + PUSH_OUT * self.elapsed[None]) - gap
             if missing > 0.0:
-                corner = self.sheet.corner[t]
+                corner, node = self.corner[t], self.sheet.corner[t]
                 push = missing / self._effective(s)
                 self.push[s] = push
                 x += self.weight[s] * push * n
@@ -133,28 +143,26 @@ class Layer:
                 for k in range(3):
                     self.cloth.shift(corner[k], -self.cloth.weight(corner[k]) * b[k] * push * n)
                     impulse = ti.cast(b[k] * push / h, float)
-                    self.push_front[corner[k]] += impulse * (self.face[s] > 0.0)
-                    self.push_back[corner[k]] += impulse * (self.face[s] < 0.0)
+                    self.push_front[node[k]] += impulse * (self.face[s] > 0.0)
+                    self.push_back[node[k]] += impulse * (self.face[s] < 0.0)
                 self.touched[None] = 1
             self.place[s], self.speed[s] = x, v
 
     @ti.func
     def finish(self, h):
-        """Drag of those that touch and restitution of those in contact, opposite impulse to the sheet."""
-        for s in range(self.count[None]):
-            if self.rubs[s]:
-                corner, b, n = self.sheet.corner[self.at[s]], self.share[s], self.normal[s]
-                r = self.speed[s]
-                for k in range(3):
-                    r -= b[k] * self.cloth.velocity(corner[k])
-                w = self._effective(s)
-                impulse = self._rub(r, n, h, self.weight[s], w)
-                if ti.static(self.restitution > 0.0):
-                    if self.push[s] > 0.0:
-                        impulse += self._bounce(r, r.dot(n) - self.weight[s] * self.push[s] / h, n, w)
-                for k in range(3):
-                    self.cloth.push(corner[k], -self.cloth.weight(corner[k]) * b[k] * impulse)
-                self.speed[s] += self.weight[s] * impulse
+        """Restitution of those in contact, opposite impulse to the sheet."""
+        if ti.static(self.restitution > 0.0):
+            for s in range(self.count[None]):
+                if self.push[s] > 0.0:
+                    corner, b, n = self.corner[self.at[s]], self.share[s], self.normal[s]
+                    r = self.speed[s]
+                    for k in range(3):
+                        r -= b[k] * self.cloth.velocity(corner[k])
+                    w = self._effective(s)
+                    impulse = self._bounce(r, r.dot(n) - self.weight[s] * self.push[s] / h, n, w)
+                    for k in range(3):
+                        self.cloth.push(corner[k], -self.cloth.weight(corner[k]) * b[k] * impulse)
+                    self.speed[s] += self.weight[s] * impulse
 
     @ti.func
     def _find_plane(self, x, at, side):
@@ -166,7 +174,7 @@ class Layer:
         )
         turn = 0
         while turn <= EDGES:
-            c = self.sheet.corner[at]
+            c = self.corner[at]
             n, gap, w = plane_gap(x, self.cloth.position(c[0]), self.cloth.position(c[1]), self.cloth.position(c[2]))
             gap *= side
             beyond = w.min() < 0.0
@@ -196,16 +204,31 @@ class Layer:
         w = self.weight[s]
         for k in range(3):
             b = self.share[s][k]
-            w += b * b * self.cloth.weight(self.sheet.corner[self.at[s]][k])
+            w += b * b * self.cloth.weight(self.corner[self.at[s]][k])
         return w
 
     @ti.func
-    def _rub(self, r, n, h, w_point, w):
-        """Impulse of the film's drag, implicit: dr/dt = -(3 nu/d^2 + friction |r|/(2 d)) r along the surface [N s]."""
-        tangent = r - r.dot(n) * n
-        rate = self.viscous_rate + self.rough_rate * tangent.norm()
-        k = h * rate / w_point
-        return -k / (1.0 + k * w) * tangent
+    def _rub(self, s, dt):
+        """Drag of the film over dt, opposite impulse to the sheet.
+
+        What glides, dr/dt = -w/w_point (3 nu/d^2 + friction |r|/(2 d)) r along the surface, is solved for exactly.
+        """
+        corner, b, n = self.sheet.corner[self.at[s]], self.share[s], self.normal[s]
+        r, w = self.speed[s], self.weight[s]
+        for k in range(3):
+            r -= b[k] * self.node_v[corner[k]]
+            w += b[k] * b[k] * self.node_w[corner[k]]
+        r -= r.dot(n) * n
+        ratio = w / self.weight[s]
+        left = ti.exp(-ratio * self.viscous_rate * dt)
+        acting = dt  # [s], less where viscosity has slowed it meanwhile
+        if left < 1.0:
+            acting = (1.0 - left) / (ratio * self.viscous_rate)
+        left /= 1.0 + ratio * self.rough_rate * r.norm() * acting
+        impulse = (left - 1.0) / w * r
+        for k in range(3):
+            self.node_v[corner[k]] -= self.node_w[corner[k]] * b[k] * impulse
+        self.speed[s] += self.weight[s] * impulse
 
     @ti.func
     def _bounce(self, r, arriving, n, w):

@@ -95,7 +95,8 @@ class Traction:
 
     @ti.func
     def _pull(self, node, newtons, h):
-        self.cloth.shift(node, ti.Vector([h * h * newtons * self.cloth.weight(node), 0.0, 0.0]))
+        at = self.cloth.board.place(node)
+        self.cloth.shift(at, ti.Vector([h * h * newtons * self.cloth.weight(at), 0.0, 0.0]))
 
     @ti.func
     def project(self, h):
