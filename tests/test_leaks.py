@@ -36,35 +36,74 @@ def _ours() -> dict:
     """Slow and fast, by small and large steps, at each kind of sheet; and a pinch."""
     slow_and_fast = ((0.3, 5e-3), (10.0, 1e-3), (100.0, 1e-4))
     throws = tuple((cloth, *s) for cloth in ("flat", "folded", "moving") for s in slow_and_fast)
-    acts = (_pinch, lambda world: _pinch(world, 5e-5), _asked, _slivers)
-    *rows, pinch, short, asked, slivers = _throws("ccd", 5e-4, throws, *acts)
-    return {"throws": rows, "pinch": pinch, "short": short, "asked": asked, "slivers": slivers}
+    few = {"cloth": "flat", "clump": 0.1}
+    slow = few | {"speed": 6.0}
+    ways = ({}, {"drift": 0.01}, few, slow, slow | {"drift": 0.004}, slow | {"fan": 0.1}, slow | {"meet": 0.001})
+    asked = (lambda world, way=way: _asked(world, **way) for way in ways)
+    acts = (_pinch, lambda world: _pinch(world, 5e-5), _slivers, *asked)
+    *rows, pinch, short, slivers = (told := _throws("ccd", 5e-4, throws, *acts))[: len(throws) + 3]
+    return {"throws": rows, "pinch": pinch, "short": short, "slivers": slivers, "asked": told[len(throws) + 3 :]}
 
 
-def _asked(world) -> dict:
-    """Water that goes some way, each its own, at a folded sheet that moves; who crossed, if only those whose gap lets
-    them are asked, and if all are. gap, and the distance from the nearest of some places on each triangle."""
+def _asked(world, cloth: str = "folded", speed=60.0, clump=1.0, fan=0.0, drift=0.0, meet=0.0):
+    """Water that goes some way, each its own, at a sheet that moves; who crossed, if only those are asked who may have,
+    of the boxes that they may have met, and if all are asked of all triangles. gap, and the distance from the nearest
+    of some places on each triangle. near: patches that count as near the water.
+
+    clump: how wide the water lies; fan: how far it goes to all sides; drift: how far all goes together; meet: how far
+    water and sheet go towards each other besides, each [m].
+    """
     from sim.studies import leaks
 
-    leaks.place(world, "folded", 60.0)
+    leaks.place(world, cloth, speed)
     state, contact, random = world.state, world.build.parts["contact"], np.random.default_rng(3)
+    living, corners = int(state.count[None]), world.scene.sheet.triangles
+    x, sheet = (state[name].to_numpy() for name in ("fluid.x", "cloth.x"))
+    x[:living] *= clump
+    state["fluid.x"].from_numpy(x)
     contact.sides.run(1e-3)
     contact.catch.begin()
-    living, corners = int(state.count[None]), world.scene.sheet.triangles
-    gap, x, sheet = (f.to_numpy() for f in (contact.sides.gap, state["fluid.x"], state["cloth.x"]))
+    gap, near = contact.sides.gap.to_numpy(), contact.sheet.near.to_numpy().mean()
     shares = random.dirichlet((0.5, 0.5, 0.5), 12)
     places = np.einsum("sk,tkd->std", shares, sheet[corners]).reshape(-1, 3)
     nearest = np.array([np.linalg.norm(places - at, axis=1).min() for at in x[:living]])
-    x[:living] += 1e-3 * random.uniform(0.0, 1.0, (living, 1)) ** 2 * state["fluid.v"].to_numpy()[:living]
+    ways = 1e-3 * state["fluid.v"].to_numpy()[:living] + fan * random.normal(size=(living, 3)) * [1.0, 1.0, 0.0]
+    x[:living] += random.uniform(0.0, 1.0, (living, 1)) ** 2 * ways + drift - [0.0, 0.0, meet]
     state["fluid.x"].from_numpy(x)
-    state["cloth.x"].from_numpy(sheet + np.float32(1e-3) * np.sin(40.0 * sheet[:, [1]]).astype(np.float32))
-    crossed = []
-    for all_are_asked in (False, True):
-        if all_are_asked:
-            contact.sides.gap.fill(0.0)
-        contact.catch.find()
-        crossed.append(contact.catch.crossed.to_numpy()[:living])
-    return {"crossed": crossed, "gap": gap[:living], "nearest": nearest}
+    waves = 1e-3 * np.sin(40.0 * sheet[:, [1]])
+    state["cloth.x"].from_numpy((sheet + waves + drift + [0.0, 0.0, meet]).astype(np.float32))
+    contact.catch.find()
+    first, apart = _asked_of_all(contact, living, len(corners))
+    crossed = (contact.catch.crossed.to_numpy()[:living], first)
+    return {"crossed": crossed, "apart": apart, "gap": gap[:living], "nearest": nearest, "near": near}
+
+
+def _asked_of_all(contact, living: int, triangles: int) -> tuple[np.ndarray, np.ndarray]:
+    """(living,) the first triangle that each particle passes, or -1: every triangle is asked. (2, living) whether the
+    sheet as it stands is between it and another one: as the search finds, and every triangle."""
+    import taichi as ti
+
+    from sim.coupling.sides import segment_hits
+    from sim.maths.ccd import EXACT, first_hit
+
+    catch, first, apart = contact.catch, ti.field(ti.i32, shape=living), ti.field(ti.i32, shape=(2, living))
+
+    @ti.kernel
+    def ask_all():
+        for i in range(living):
+            other = (i + 7) % living
+            apart[0, i] = contact.sides.crosses(catch.x[i], catch.x[other])
+            best, first[i] = ti.cast(2.0, ti.f64), -1
+            for t in range(triangles):
+                a0, b0, c0 = catch.sheet.points_before(t)
+                a1, b1, c1 = catch.sheet.points(t)
+                time = first_hit(catch.x0[i], catch.x[i], a0, a1, b0, b1, c0, c1, EXACT)[0]
+                if time < best and time <= 1.0:
+                    best, first[i] = time, t
+                apart[1, i] |= segment_hits(catch.x[i], catch.x[other], a1, b1, c1)
+
+    ask_all()
+    return first.to_numpy(), apart.to_numpy()
 
 
 def _slivers(world) -> dict:
@@ -145,13 +184,21 @@ def test_nothing_gets_through_at_any_speed_and_step(ours):
 
 
 def test_who_is_not_asked_has_not_crossed(ours):
-    some, everyone = ours["asked"]["crossed"]
-    assert np.array_equal(some, everyone)
-    assert 0.1 < (everyone >= 0).mean() < 0.9
+    for asked in ours["asked"]:
+        found, truth = asked["crossed"]
+        assert np.array_equal(found, truth)
+        assert 0.1 < (truth >= 0).mean() < 0.9 and asked["near"] < 0.9
+
+
+def test_the_sheet_is_between_two_where_one_of_all_its_triangles_is(ours):
+    for asked in ours["asked"]:
+        found, truth = asked["apart"]
+        assert np.array_equal(found, truth)
+        assert 0.05 < truth.mean() < 0.95
 
 
 def test_no_place_of_the_sheet_is_nearer_than_the_gap(ours):
-    gap, nearest = ours["asked"]["gap"], ours["asked"]["nearest"]
+    gap, nearest = ours["asked"][0]["gap"], ours["asked"][0]["nearest"]
     assert (0.999 * gap <= nearest).all()
     assert 0.05 < (gap < gap.max()).mean()
 

@@ -42,20 +42,20 @@ class Catch:
     and of crossings left (0-D, i32).
     """
 
-    def __init__(self, build, sheet, boxes, gap):
+    def __init__(self, build, sheet, gap):
         state = build.state
         self.state_count = state.count
         self.x, self.v, self.mass = state["fluid.x"], state["fluid.v"], state["fluid.mass"]
         self.node_v, self.node_w = state["cloth.v"], state["cloth.inv_mass"]
         self.node_v0 = ti.Vector.field(3, float, shape=self.node_v.shape)
-        self.sheet, self.boxes, self.gap = sheet, boxes, gap
+        self.sheet, self.boxes, self.gap = sheet, sheet.boxes, gap
         self.clearance = CLEARANCE * build.config.fluid.spacing
         capacity = state.sizes["fluid"]
-        self.few = runtime.few(capacity)
+        self.few = runtime.few(capacity // 5)
         self.ties = build.config.cloth.self_contact is None
         self.x0 = ti.Vector.field(3, float, shape=capacity)
         self.v0 = ti.Vector.field(3, float, shape=capacity)
-        self.crossed, self.acted = (ti.field(ti.i32, shape=capacity) for _ in range(2))
+        self.crossed, self.acted, self.suspect = (ti.field(ti.i32, shape=capacity) for _ in range(3))
         self.acts, self.undone, self.tied, self.leaks = (ti.field(ti.i32, shape=()) for _ in range(4))
         nodes = self.node_v.shape[0]
         self.tie, self.zone = ti.field(ti.i32, shape=capacity), ti.field(ti.i32, shape=nodes)
@@ -108,21 +108,41 @@ class Catch:
         for n in range(self.zone.shape[0]):
             self.zone[n] = n
 
-    @ti.kernel
-    def find(self) -> ti.i32:
+    def find(self) -> int:
         """crossed[i] = the first triangle that x0 -> x passes, or -1; returns how many there are."""
-        farthest = 0.0
+        suspects = self._suspect()
+        if suspects < 0:
+            self.sheet.widen()
+            suspects = self._suspect()
+        return self._ask(suspects) if suspects else 0
+
+    @ti.kernel
+    def _suspect(self) -> ti.i32:
+        """List those who went so far that they may have crossed, and return their number; -1 where something went
+        farther than there is room for."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.sheet.follow()
+        suspects, beyond = 0, 0
         ti.loop_config(serialize=self.few)
-        for n in range(self.sheet.x.shape[0]):
-            ti.atomic_max(farthest, (self.sheet.x[n] - self.sheet.x0[n]).norm_sqr())
-        self.sheet.moved[None] = MORE * ti.sqrt(farthest)
-        count = 0
         for i in range(self.state_count[None]):
-            way, found = (self.x[i] - self.x0[i]).norm() + self.sheet.moved[None], -1
-            if self.gap[i] <= MORE * way + ROUNDING:
-                found, _, _w = self.first_crossing(i)
-            self.crossed[i] = found
-            count += found >= 0
+            way = self.x[i] - self.x0[i]
+            room = self.sheet.room[None] - self.sheet.moved[None]
+            own, free = MORE * (way - self.sheet.drift[None]), self.gap[i] - self.sheet.spread[None] - ROUNDING
+            self.crossed[i] = -1
+            if free <= 0.0 or free * free <= own.norm_sqr():
+                self.suspect[ti.atomic_add(suspects, 1)] = i
+            if room < 0.0 or way.norm_sqr() > room * room:
+                beyond = 1
+        return -1 if beyond else suspects
+
+    @ti.kernel
+    def _ask(self, suspects: ti.i32) -> ti.i32:
+        count = 0
+        for s in range(suspects):
+            i = self.suspect[s]
+            self.crossed[i], _, _w = self.first_crossing(i)
+            count += self.crossed[i] >= 0
         return count
 
     @ti.kernel
@@ -138,8 +158,7 @@ class Catch:
         found = -1
         weights = tm.vec3(0.0)
         best = ti.cast(2.0, ti.f64)
-        grown = self.sheet.moved[None] + ROUNDING
-        low, high = ti.min(x0, x1) - grown, ti.max(x0, x1) + grown
+        low, high = self.sheet.swept(x0, x1)
         walk = self.boxes.begin(low, high)
         while walk[0] < walk[1]:
             walk, first, last = self.boxes.next(walk, low, high)

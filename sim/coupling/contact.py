@@ -6,7 +6,7 @@ from sim.coupling.sheet import SheetGeometry
 from sim.coupling.sides import Sides
 from sim.maths.ccd import first_hit
 from sim.model import Model
-from sim.registry import method, register
+from sim.registry import register
 from sim.stage import Build, Stage
 
 
@@ -34,12 +34,10 @@ class Contact:
     def __init__(self, build: Build, params: "Contact.Params"):
         config = build.config
         reach = config.fluid.support * config.fluid.spacing
-        search = method("search.boxes", config.coupling.search)
         self.sheet = SheetGeometry(build, reach)
-        self.boxes = search(self.sheet.patch_count)
-        self.sides = Sides(build, self.sheet, self.boxes, reach)
+        self.sides = Sides(build, self.sheet, reach)
         self.layer = Layer(build, self.sheet)
-        self.catch = Catch(build, self.sheet, self.boxes, self.sides.gap)
+        self.catch = Catch(build, self.sheet, self.sides.gap)
         self.touched, self.took_back = self.layer.touched, False
         build.parts["contact"] = self
         build.parts.setdefault("guests", []).append(self.layer)

@@ -6,7 +6,7 @@ from sim.coupling.catch import Catch
 from sim.coupling.sheet import SheetGeometry
 from sim.maths.facet import plane_crossing
 from sim.model import Model
-from sim.registry import method, register
+from sim.registry import register
 from sim.search.boxes import overlap
 from sim.stage import Build, Stage
 
@@ -36,10 +36,10 @@ class PlaneReflect:
         self.count, self.x, self.v = state.count, state["fluid.x"], state["fluid.v"]
         self.thickness = build.scene.sheet.thickness
         self.sheet = SheetGeometry(build, build.config.fluid.support_radius)
-        self.boxes = method("search.boxes", build.config.coupling.search)(self.sheet.patch_count)
+        self.boxes = self.sheet.boxes
         self.low, self.high = (ti.Vector.field(3, float, shape=self.sheet.patch_count) for _ in range(2))
         unknown = ti.field(float, shape=state.sizes["fluid"])  # 0: everybody is asked
-        self.catch = Catch(build, self.sheet, self.boxes, unknown)
+        self.catch = Catch(build, self.sheet, unknown)
         self.touched = self.catch.acts
         build.parts["contact"] = self
 

@@ -5,9 +5,16 @@ import taichi as ti
 import taichi.math as tm
 
 from sim import runtime
+from sim.maths.order import less, more
+from sim.registry import method
+from sim.search.boxes import overlap
 
 SLIVER = 1e-3
 """[1] A triangle is one whose doubled area squared is no more of its longest side to the fourth: 3 % of that high."""
+EVERYWHERE = 1e30
+"""[m] Room that nothing goes beyond."""
+LOOK = 4
+"""Particles that are looked at in the time that it takes to sort the box of a patch."""
 MORE = 1.002
 """[1] Ways are taken for so much longer than they are, where they are held against gaps, known to 0.1 %."""
 ROUNDING = 1e-6
@@ -22,7 +29,12 @@ class SheetGeometry:
     quad (p,) ivec4        the four corners of each patch
     beside (t,) ivec3      triangle across the edge opposite corner k; -1 at a hem
     low, high (p,) vec3    box of a patch at the step's start, a rounding larger [m]
-    moved () f             no node is farther than this from where it stood then [m]
+    boxes                  the search over them, see sim.search.boxes
+    near (p,) i32          0 where its box is so far from all water that nobody meets it, or None: all count
+    room () f              unless something goes farther than this [m]; then `widen`
+    drift () vec3          way that the sheet near the water goes in the step, in the mean [m]
+    spread () f            and how far its nodes' own ways are from that, at most [m]
+    moved () f             how far any node of the sheet goes, at most [m]
     hem (p,) i32           1 where the patch lies within `reach` of a hem
     """
 
@@ -32,13 +44,19 @@ class SheetGeometry:
         self.x = build.state["cloth.x"]
         node_count, self.patch_count = len(sheet.x), len(sheet.patches)
         self.x0 = ti.Vector.field(3, float, shape=node_count)
-        self.moved = ti.field(float, shape=())
-        self.few = runtime.few(8 * node_count)
+        self.moved, self.spread, self.room = (ti.field(float, shape=()) for _ in range(3))
+        self.drift = ti.Vector.field(3, float, shape=())
+        self.rows, self.count, self.reach = build.state["fluid.x"], build.state.count, reach
+        self.few = runtime.few(node_count // 2)
         self.corner, self.beside = _field(triangles), _field(neighbours(triangles))
         self.quad = _field(np.asarray(sheet.patches))
         self.low = ti.Vector.field(3, float, shape=self.patch_count)
         self.high = ti.Vector.field(3, float, shape=self.patch_count)
         self.hem = ti.field(ti.i32, shape=self.patch_count)
+        self.boxes = method("search.boxes", build.config.coupling.search)(self.patch_count)
+        self.narrows = self.boxes.leaves_out and LOOK * self.patch_count > build.state.sizes["fluid"]
+        self.near = ti.field(ti.i32, shape=self.patch_count) if self.narrows else None
+        self.water = ti.Vector.field(3, float, shape=2)
         self.hem.from_numpy(_near_hem(sheet, reach).astype(np.int32))
         around, start = triangles_of_nodes(triangles, node_count)
         self.around = ti.field(ti.i32, shape=len(around))
@@ -48,8 +66,14 @@ class SheetGeometry:
 
     @ti.kernel
     def begin(self):
-        """Remember where the sheet stands, and the boxes of its patches."""
-        self.moved[None] = 0.0
+        """Remember where the sheet stands, the boxes of its patches, and which of them are near water."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.moved[None], self.spread[None], self.drift[None] = 0.0, 0.0, tm.vec3(0.0)
+            self.room[None] = EVERYWHERE
+            if ti.static(self.narrows):
+                self.room[None] = self.reach
+                self._bound_water()
         ti.loop_config(serialize=self.few)
         for n in range(self.x.shape[0]):
             self.x0[n] = self.x[n]
@@ -57,6 +81,54 @@ class SheetGeometry:
         for p in range(self.patch_count):
             low, high = self.box(p)
             self.low[p], self.high[p] = low - ROUNDING, high + ROUNDING
+            if ti.static(self.narrows):
+                self.near[p] = ti.cast(overlap(low, high, self.water[0], self.water[1]), ti.i32)
+
+    @ti.func
+    def _bound_water(self):
+        """The box of all particles, larger by two `reach`: by one that they see, and by one that they or it may go."""
+        low, high = tm.vec3(1e30), tm.vec3(-1e30)
+        for i in range(self.count[None]):
+            low, high = ti.min(low, self.rows[i]), ti.max(high, self.rows[i])
+        self.water[0], self.water[1] = low - 2.0 * self.reach, high + 2.0 * self.reach
+
+    def sort(self) -> None:
+        """Boxes for the search, those near water."""
+        self.boxes.refit(self.low, self.high, *([self.near] if self.narrows else []))
+
+    def widen(self) -> None:
+        """All boxes for the search: something went farther than there is room for."""
+        self.near.fill(1)
+        self.room[None] = EVERYWHERE
+        self.sort()
+
+    @ti.func
+    def follow(self):
+        """Note how far the sheet has gone."""
+        farthest, low, high = 0.0, tm.vec3(1e30), tm.vec3(-1e30)
+        for n in range(self.x.shape[0]):
+            way = self.x[n] - self.x0[n]
+            farthest = more(farthest, way.norm_sqr())
+            if ti.static(not self.narrows):
+                low, high = less(low, way), more(high, way)
+        if ti.static(self.narrows):
+            for p in range(self.patch_count):
+                if self.near[p]:
+                    for k in ti.static(range(4)):
+                        n = self.quad[p][k]
+                        low, high = less(low, self.x[n] - self.x0[n]), more(high, self.x[n] - self.x0[n])
+        self.moved[None] = MORE * ti.sqrt(farthest)
+        self.drift[None], self.spread[None] = tm.vec3(0.0), 0.0
+        if low[0] <= high[0]:
+            self.drift[None] = 0.5 * (low + high)
+            self.spread[None] = 0.5 * MORE * (high - low).norm()
+
+    @ti.func
+    def swept(self, x0, x1):
+        """The box that the boxes of patches at the step's start overlap, if on the way x0 -> x1 they may be met."""
+        grown = self.spread[None] + ROUNDING
+        end = x1 - self.drift[None]
+        return less(x0, end) - grown, more(x0, end) + grown
 
     @ti.func
     def may_meet(self, p, x0, x1, gap):
@@ -75,7 +147,7 @@ class SheetGeometry:
         at = self.quad[p]
         low, high = self.x[at[0]], self.x[at[0]]
         for k in ti.static(range(1, 4)):
-            low, high = ti.min(low, self.x[at[k]]), ti.max(high, self.x[at[k]])
+            low, high = less(low, self.x[at[k]]), more(high, self.x[at[k]])
         return low, high
 
     @ti.func

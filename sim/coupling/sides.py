@@ -5,10 +5,11 @@ import taichi.math as tm
 
 from sim.coupling.sheet import ROUNDING, is_sliver
 from sim.maths.facet import closest_barycentric
+from sim.maths.order import less, more
 from sim.runtime import TURNS
 from sim.search.boxes import overlap
 
-RUN, RUNS = 16, 8
+RUN, RUNS = 16, 16
 """Rows that look for the sheet together, and such runs that a thread goes through in a go."""
 WIDE = 2.5
 """[reach] Rows whose box is wider do not look together."""
@@ -23,12 +24,12 @@ class Sides:
     vague (n,)     distance squared of the nearest box with a sliver in it, or the reach [m^2]
     """
 
-    def __init__(self, build, sheet, boxes, reach: float):
+    def __init__(self, build, sheet, reach: float):
         state = build.state
         self.count, self.x, self.id = state.count, state["fluid.x"], state["fluid.id"]
         self.triangle, self.side = state["fluid.triangle"], state["fluid.side"]
         self.pairs = build.parts["pairs"]
-        self.sheet, self.boxes, self.reach = sheet, boxes, reach
+        self.sheet, self.boxes, self.reach = sheet, sheet.boxes, reach
         capacity = state.sizes["fluid"]
         self.gap, self.vague = (ti.field(float, shape=capacity) for _ in range(2))
         self.weights = ti.Vector.field(3, float, shape=capacity)
@@ -36,7 +37,7 @@ class Sides:
     def run(self, dt: float) -> None:
         """Find sides on the positions that the pair list belongs to, then cut."""
         self.sheet.begin()
-        self.boxes.refit(self.sheet.low, self.sheet.high)
+        self.sheet.sort()
         if self._find():
             self._cut(self.pairs.neighbour, self.pairs.weight, self.pairs.slope)
 
@@ -70,7 +71,7 @@ class Sides:
         """Where the rows from `first` on end that lie in a box that is not WIDE."""
         low, high, last, fits = self.x[first], self.x[first], first + 1, True
         while last < end and fits:
-            low, high = ti.min(low, self.x[last]), ti.max(high, self.x[last])
+            low, high = less(low, self.x[last]), more(high, self.x[last])
             fits = (high - low).max() <= WIDE * self.reach
             last += fits
         return last
@@ -85,7 +86,7 @@ class Sides:
         low, high, farthest = self.x[first], self.x[first], 0.0
         for i in range(first, end):
             x, hint = self.x[i], self.triangle[i]
-            low, high = ti.min(low, x), ti.max(high, x)
+            low, high = less(low, x), more(high, x)
             self.gap[i], self.vague[i], self.triangle[i] = self.reach * self.reach, self.reach * self.reach, -1
             if hint >= 0:
                 self._try(i, x, hint, 0.0)
@@ -96,7 +97,7 @@ class Sides:
             walk, start, stop = self.boxes.next(walk, low - within, high + within)
             for s in range(start, stop):
                 p = self.boxes.slots[s]
-                if ti.max(self.sheet.low[p] - high, low - self.sheet.high[p], 0.0).norm_sqr() <= farthest:
+                if more(more(self.sheet.low[p] - high, low - self.sheet.high[p]), 0.0).norm_sqr() <= farthest:
                     self._try_patch(p, first, end)
 
     @ti.func
@@ -105,7 +106,7 @@ class Sides:
         a, b = self.sheet.low[p], self.sheet.high[p]
         for i in range(first, end):
             x = self.x[i]
-            outside_sq = ti.max(a - x, x - b, 0.0).norm_sqr()
+            outside_sq = more(more(a - x, x - b), 0.0).norm_sqr()
             if outside_sq <= self.gap[i]:
                 for t in range(2 * p, 2 * p + 2):
                     if t != self.triangle[i]:
@@ -168,8 +169,7 @@ class Sides:
     def crosses(self, x, y):
         """Does the segment x-y pass through the sheet as it stands?"""
         found = False
-        grown = self.sheet.moved[None] + ROUNDING
-        low, high = ti.min(x, y) - grown, ti.max(x, y) + grown
+        low, high = self.sheet.swept(x - self.sheet.drift[None], y)  # of x and y now
         walk = self.boxes.begin(low, high)
         while walk[0] < walk[1] and not found:
             walk, first, last = self.boxes.next(walk, low, high)

@@ -10,6 +10,8 @@ from sim.registry import register
 class BoxBrute:
     """All boxes, one by one. The truth that the other searches are held to."""
 
+    leaves_out = False
+
     def __init__(self, box_count: int):
         self.box_count = box_count
         self.slots = ti.field(ti.i32, shape=max(box_count, 1))

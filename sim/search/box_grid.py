@@ -23,61 +23,78 @@ class BoxGrid:
     hardly ever needs. Cells are monotone in x, also in f32, and a query looks back a rounding farther.
     """
 
+    leaves_out = True
+
     def __init__(self, box_count: int):
         self.box_count = box_count
         self.cell_count = max(CELLS_PER_BOX * box_count, CELLS_LEAST)
         self.start = ti.field(ti.i32, shape=self.cell_count + LEVELS + 2)
-        self.cell = ti.field(ti.i32, shape=max(box_count, 1))
-        self.slots = ti.field(ti.i32, shape=max(box_count, 1))
+        self.cell, self.kept, self.slots = (ti.field(ti.i32, shape=max(box_count, 1)) for _ in range(3))
         self.low, self.high = (ti.Vector.field(3, float, shape=()) for _ in range(2))
         self.mean, self.rounding = ti.field(float, shape=()), ti.field(float, shape=())
         self.levels = ti.field(ti.i32, shape=())
         self.first, self.shape = ti.field(ti.i32, shape=LEVELS + 1), ti.Vector.field(3, ti.i32, shape=LEVELS)
         self.per_length, self.longest = (ti.Vector.field(3, float, shape=LEVELS) for _ in range(2))
 
-    def build(self, low, high) -> None:
-        """Sort boxes [low[b], high[b]] into cells."""
-        self._sort(low, high)
+    def build(self, low, high, wanted=None) -> None:
+        """Sort boxes [low[b], high[b]] into cells; of `wanted` only those where it is not 0."""
+        self._sort(low, high, self.kept if wanted is None else wanted, wanted is not None)
 
     refit = build
 
     @ti.kernel
-    def _sort(self, low: ti.template(), high: ti.template()):
+    def _sort(self, low: ti.template(), high: ti.template(), wanted: ti.template(), choose: ti.template()):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            top = self._measure(low, high)
+            count = self._keep(wanted, choose)
+            top = self._measure(low, high, count)
             self._lay_cells(top)
             cells = self.first[self.levels[None]]
             for c in range(cells + 2):
                 self.start[c] = 0
-            for p in range(self.box_count):
+            for k in range(count):
+                p = self.kept[k]
                 n = self._level(low[p], high[p])
                 at = self._cell_of(n, low[p])
                 c = self.first[n] + (at[2] * self.shape[n][1] + at[1]) * self.shape[n][0] + at[0]
-                self.cell[p] = c
+                self.cell[k] = c
                 self.start[c + 2] += 1
+            before = 0
             for c in range(2, cells + 2):
-                self.start[c] += self.start[c - 1]
-            for p in range(self.box_count):
-                slot = self.start[self.cell[p] + 1]
-                self.slots[slot] = p
-                self.start[self.cell[p] + 1] = slot + 1
+                before += self.start[c]
+                self.start[c] = before
+            for k in range(count):
+                slot = self.start[self.cell[k] + 1]
+                self.slots[slot] = self.kept[k]
+                self.start[self.cell[k] + 1] = slot + 1
 
     @ti.func
-    def _measure(self, low: ti.template(), high: ti.template()):
-        """Bounds of all, mean side and longest boxes of each level; returns the highest of the low corners."""
-        a, b, sides = tm.vec3(1e30), tm.vec3(-1e30), 0.0
-        self.high[None] = b
+    def _keep(self, wanted: ti.template(), choose: ti.template()):
+        """Note which boxes there are to sort; returns how many."""
+        count = 0
         for p in range(self.box_count):
-            a, b = ti.min(a, low[p]), ti.max(b, low[p])
-            self.high[None] = ti.max(self.high[None], high[p])
+            keep = 1
+            if ti.static(choose):
+                keep = wanted[p]
+            self.kept[count] = p
+            count += keep
+        return count
+
+    @ti.func
+    def _measure(self, low: ti.template(), high: ti.template(), count):
+        """Bounds of all, mean side and longest boxes of each level; returns the highest of the low corners."""
+        a, b, c, sides = tm.vec3(1e30), tm.vec3(-1e30), tm.vec3(-1e30), 0.0
+        for k in range(count):
+            p = self.kept[k]
+            a, b, c = ti.min(a, low[p]), ti.max(b, low[p]), ti.max(c, high[p])
             sides += (high[p] - low[p]).max()
-        self.low[None], self.mean[None] = a, sides / ti.max(self.box_count, 1)
+        self.low[None], self.high[None], self.mean[None] = a, c, sides / ti.max(count, 1)
         self.rounding[None] = 1e-6 * ti.max(ti.abs(a), ti.abs(b)).max()
         self.levels[None] = 0
         for n in range(LEVELS):
             self.longest[n] = tm.vec3(-1.0)
-        for p in range(self.box_count):
+        for k in range(count):
+            p = self.kept[k]
             n = self._level(low[p], high[p])
             self.longest[n] = ti.max(self.longest[n], high[p] - low[p])
             self.levels[None] = ti.max(self.levels[None], n + 1)

@@ -2,6 +2,7 @@
 
     build(low, high)     from two vec3 fields [m], a box an entry, grown already by the reach or motion it covers
     refit(low, high)     the same boxes have moved: do as little as the structure allows; may simply build
+    leaves_out           bool: whether both take an i32 field more, 0 where a box is not wanted
 
 In a kernel, for a query box [low, high], which may be a point:
 
@@ -20,11 +21,14 @@ from typing import Protocol
 
 import taichi as ti
 
+from sim.maths.order import more
+
 
 class BoxSearch(Protocol):
     """What users of kind "search.boxes" may rely on. Made by Search(box_count); begin and next are @ti.func."""
 
     slots: ti.Field
+    leaves_out: bool
 
     def build(self, low, high) -> None:
         """From scratch."""
@@ -42,4 +46,5 @@ class BoxSearch(Protocol):
 @ti.func
 def overlap(low, high, low_other, high_other):
     """Do two closed boxes touch?"""
-    return ti.max(low - high_other, low_other - high).max() <= 0.0
+    apart = more(low - high_other, low_other - high)
+    return more(more(apart[0], apart[1]), apart[2]) <= 0.0

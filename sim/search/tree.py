@@ -18,6 +18,8 @@ class Tree:
     A method fills slots, skip, leaf and leaf_at, then calls bound().
     """
 
+    leaves_out = False
+
     def __init__(self, box_count: int, leaf_size: int):
         self.box_count, self.leaf_size = box_count, leaf_size
         self.leaf_count = -(-box_count // leaf_size)
