@@ -24,6 +24,8 @@ PATIENCE = 0.02
 step late; fed back at once the water over a layer bounces on it, seventeen steps a bounce and 6 % damped."""
 EDGES = 2
 """That a particle may pass from triangle to triangle in a substep."""
+LOST = 1.0
+"""[m] Gap of who left over a hem: free for the rest of the step, or it would be sent back to where it came from."""
 REACH = 1.1
 """[dx] Particles nearer than this at the start of a step belong to the layer."""
 
@@ -133,6 +135,8 @@ class Layer:
             self.at[s], self.normal[s], self.share[s] = t, n, b
             self.rubs[s] = gap < TOUCH * self.dx
             self.push[s] = 0.0
+            if gap == LOST:
+                self.face[s] = 0.0
             missing = ti.min(OFFSET * self.dx, self.gap[s] + PUSH_OUT * self.elapsed[None]) - gap
             if missing > 0.0:
                 corner, node = self.corner[t], self.sheet.corner[t]
@@ -170,10 +174,10 @@ class Layer:
         n, w, gap = (
             ti.Vector([0.0, 0.0, 0.0], self.real),
             ti.Vector([0.0, 0.0, 0.0], self.real),
-            ti.cast(1.0, self.real),
+            ti.cast(LOST, self.real),
         )
         turn = 0
-        while turn <= EDGES:
+        while turn <= EDGES and side != 0.0:
             c = self.corner[at]
             n, gap, w = plane_gap(x, self.cloth.position(c[0]), self.cloth.position(c[1]), self.cloth.position(c[2]))
             gap *= side
@@ -186,7 +190,7 @@ class Layer:
                     k = 2
                 beside = self.sheet.beside[at][k]
                 if beside < 0:
-                    gap = 1.0
+                    gap = LOST
                     turn = EDGES
                 else:
                     at = beside
