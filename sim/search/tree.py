@@ -4,6 +4,7 @@ import taichi as ti
 import taichi.math as tm
 
 from sim import runtime
+from sim.maths.order import less, more
 from sim.search.boxes import overlap
 
 
@@ -40,7 +41,7 @@ class Tree:
             a, b = tm.vec3(1e30), tm.vec3(-1e30)
             for s in range(k * self.leaf_size, ti.min((k + 1) * self.leaf_size, self.box_count)):
                 p = self.slots[s]
-                a, b = ti.min(a, low[p]), ti.max(b, high[p])
+                a, b = less(a, low[p]), more(b, high[p])
             i = self.leaf_at[k]
             self.node[i].low, self.node[i].high = a, b
         ti.loop_config(serialize=True)
@@ -48,8 +49,8 @@ class Tree:
             i = self.node_count - 1 - n
             if self.node[i].leaf < 0:
                 other = self.node[i + 1].skip
-                self.node[i].low = ti.min(self.node[i + 1].low, self.node[other].low)
-                self.node[i].high = ti.max(self.node[i + 1].high, self.node[other].high)
+                self.node[i].low = less(self.node[i + 1].low, self.node[other].low)
+                self.node[i].high = more(self.node[i + 1].high, self.node[other].high)
 
     @ti.kernel
     def spans(self, low: ti.template(), high: ti.template()) -> float:
