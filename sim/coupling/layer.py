@@ -109,8 +109,8 @@ class Layer:
     @ti.kernel
     def end(self, dt: float):
         """Put it back so that `x += dt v` of the mover ends where the substeps ended; the pressure that they expected
-        is taken off again, since the solve gives all of it. Those that touch feel the drag of the whole step: it is
-        slow, beside what the substeps are for."""
+        is taken off again, since the solve gives all of it. Those that touch feel the drag of the whole step, which is
+        slow beside what the substeps are for, and go their way at the mean of the speeds before it and after."""
         ti.loop_config(serialize=True)
         for s in range(self.count[None]):
             i, before = self.row[s], self.speed[s]
@@ -170,7 +170,8 @@ class Layer:
 
     @ti.func
     def _find_plane(self, x, at, side):
-        """(triangle under x, gap (far: 1 m), normal, weights of its corners), over at most two edges from `at`."""
+        """(triangle under x, gap, normal, weights of its corners), over at most two edges from `at`; the gap is LOST
+        beyond a hem, and for side 0."""
         n, w, gap = (
             ti.Vector([0.0, 0.0, 0.0], self.real),
             ti.Vector([0.0, 0.0, 0.0], self.real),

@@ -30,10 +30,10 @@ class SheetGeometry:
     beside (t,) ivec3      triangle across the edge opposite corner k; -1 at a hem
     low, high (p,) vec3    box of a patch at the step's start, a rounding larger [m]
     boxes                  the search over them, see sim.search.boxes
-    near (p,) i32          0 where its box is so far from all water that nobody meets it, or None: all count
-    room () f              unless something goes farther than this [m]; then `widen`
-    drift () vec3          way that the sheet near the water goes in the step, in the mean [m]
-    spread () f            and how far its nodes' own ways are from that, at most [m]
+    near (p,) i32          0 where its box is so far from all water that nobody meets it; None: all are near
+    room () f              what goes no farther than this meets only what is near; else `widen` [m]
+    drift () vec3          way that the sheet near the water goes in the step: the middle of its nodes' ways [m]
+    spread () f            how far their ways are from that, at most [m]
     moved () f             how far any node of the sheet goes, at most [m]
     hem (p,) i32           1 where the patch lies within `reach` of a hem
     """
@@ -52,11 +52,11 @@ class SheetGeometry:
         self.quad = _field(np.asarray(sheet.patches))
         self.low = ti.Vector.field(3, float, shape=self.patch_count)
         self.high = ti.Vector.field(3, float, shape=self.patch_count)
-        self.hem = ti.field(ti.i32, shape=self.patch_count)
         self.boxes = method("search.boxes", build.config.coupling.search)(self.patch_count)
         self.narrows = self.boxes.leaves_out and LOOK * self.patch_count > build.state.sizes["fluid"]
         self.near = ti.field(ti.i32, shape=self.patch_count) if self.narrows else None
         self.water = ti.Vector.field(3, float, shape=2)
+        self.hem = ti.field(ti.i32, shape=self.patch_count)
         self.hem.from_numpy(_near_hem(sheet, reach).astype(np.int32))
         around, start = triangles_of_nodes(triangles, node_count)
         self.around = ti.field(ti.i32, shape=len(around))
