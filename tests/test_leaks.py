@@ -36,16 +36,22 @@ def _ours() -> dict:
     """Slow and fast, by small and large steps, at each kind of sheet; and a pinch."""
     slow_and_fast = ((0.3, 5e-3), (10.0, 1e-3), (100.0, 1e-4))
     throws = tuple((cloth, *s) for cloth in ("flat", "folded", "moving") for s in slow_and_fast)
+    acts = (_pinch, lambda world: _pinch(world, 5e-5), _ways, _slivers)
+    *rows, pinch, short, asked, slivers = _throws("ccd", 5e-4, throws, *acts)
+    return {"throws": rows, "pinch": pinch, "short": short, "asked": asked, "slivers": slivers}
+
+
+def _ways(world) -> list[dict]:
+    """See _asked: all water and some of it, fast and slow, with the sheet and against it, and far to all sides."""
     few = {"cloth": "flat", "clump": 0.1}
-    slow = few | {"speed": 6.0}
-    ways = ({}, {"drift": 0.01}, few, slow, slow | {"drift": 0.004}, slow | {"fan": 0.1}, slow | {"meet": 0.001})
-    asked = (lambda world, way=way: _asked(world, **way) for way in ways)
-    acts = (_pinch, lambda world: _pinch(world, 5e-5), _slivers, *asked)
-    *rows, pinch, short, slivers = (told := _throws("ccd", 5e-4, throws, *acts))[: len(throws) + 3]
-    return {"throws": rows, "pinch": pinch, "short": short, "slivers": slivers, "asked": told[len(throws) + 3 :]}
+    slow, start, told = few | {"speed": 6.0}, world.save(), []
+    for way in ({}, {"drift": 0.01}, few, slow, slow | {"drift": 0.004}, slow | {"fan": 0.1}, slow | {"meet": 0.001}):
+        world.load(start)
+        told.append(_asked(world, **way))
+    return told
 
 
-def _asked(world, cloth: str = "folded", speed=60.0, clump=1.0, fan=0.0, drift=0.0, meet=0.0):
+def _asked(world, cloth: str = "folded", speed=60.0, clump=1.0, fan=0.0, drift=0.0, meet=0.0) -> dict:
     """Water that goes some way, each its own, at a sheet that moves; who crossed, if only those are asked who may have,
     of the boxes that they may have met, and if all are asked of all triangles. gap, and the distance from the nearest
     of some places on each triangle. near: patches that count as near the water.

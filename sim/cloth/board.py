@@ -34,7 +34,7 @@ class Board:
         self.real = private_real()
         self.numpy_real = np.float32 if self.real == ti.f32 else np.float64
         self.ni, self.nj = shape
-        self.pitch = _pitch(self.nj)
+        self.pitch = place_of(self.nj, self.nj)  # where the second row begins
         self.half = self.ni * self.pitch + LANES
         self.bands = -(-self.ni // LANES)
         self.whole = self.half + self.nj * LANES + LANES
@@ -53,7 +53,7 @@ class Board:
     @ti.func
     def place(self, node):
         """Where node i*nj + j stands on the board."""
-        return node // self.nj * self.pitch + node % self.nj
+        return place_of(node, self.nj)
 
     @ti.func
     def get(self, field: ti.template(), at):
@@ -117,11 +117,10 @@ class Board:
                     self.w[far] = self.w[near]
 
 
-def places(nodes: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Where nodes i*nj + j of a sheet of that shape stand on its board, i32. Found once: dividing takes a while."""
-    i, j = np.divmod(nodes, shape[1])
-    return (i * _pitch(shape[1]) + j).astype(np.int32)
+@ti.pyfunc
+def place_of(node, nj):
+    """Where node i*nj + j of a sheet with rows of nj stands on its board; nodes in a NumPy array, too.
 
-
-def _pitch(nj: int) -> int:
-    return LANES * (nj // LANES + 1)
+    What asks in each substep looks it up: dividing takes a third of the time that a contact takes.
+    """
+    return node // nj * (LANES * (nj // LANES + 1)) + node % nj

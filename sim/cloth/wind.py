@@ -3,7 +3,7 @@
 import numpy as np
 import taichi as ti
 
-from sim.cloth.board import places
+from sim.cloth.board import place_of
 from sim.constants import AIR_DENSITY
 from sim.stage import Build
 
@@ -27,7 +27,7 @@ class Wind:
         sheet = build.scene.sheet
         self.parts, self.wind = build.parts, tuple(build.config.space.wind)
         self.corner = ti.Vector.field(3, ti.i32, len(sheet.triangles))
-        self.corner.from_numpy(places(np.asarray(sheet.triangles), sheet.shape))
+        self.corner.from_numpy(place_of(np.asarray(sheet.triangles, np.int32), sheet.shape[1]))
         build.parts.setdefault("guests", []).append(self)
 
     def begin(self, dt: float) -> None:

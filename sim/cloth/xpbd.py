@@ -38,7 +38,7 @@ class Xpbd:
     has begin(dt), end(dt), called from Python around the kernel, and the @ti.func methods predict(h), project(h) and
     finish(h), called after the sheet's own prediction, after its springs and contacts, and after its velocities are
     known. They see and move the sheet by the funcs below: position, velocity, weight, shift, push, of a node at its
-    place on the board (see sim.cloth.board.places).
+    place on the board (see sim.cloth.board.place_of).
     """
 
     class Params(Damped):

@@ -30,13 +30,13 @@ class Catch:
     """reads and writes fluid.x, fluid.v, cloth.x, cloth.v.
 
     gap: how far each particle was from the sheet as the step began, or less (see sim.coupling.sides). Who went no
-    farther is not asked. A particle that crossed is put over the end triangle. If no place is found for one, it is
-    pinched, and the step is taken back, to be gone anew in halves: water and sheet stand and move as they did before
-    it, but for the pinched and their triangles, which go on with their mean velocity. (To hold only these back tears at
-    the sheet: 6 mm in a substep are 60 m/s.) In a SHORT step they are tied instead: what is pinched, the triangles
-    about it and all that these pinch go one way, their mean, with one speed, so that they cannot cross (as rigid impact
-    zones, Provot 1997). Not where the sheet feels itself: its layers keep room between them, and ties might move one
-    through another.
+    farther, seen from the sheet, is not asked. A particle that crossed is put over the end triangle. If no place is
+    found for one, it is pinched, and the step is taken back, to be gone anew in halves: water and sheet stand and move
+    as they did before it, but for the pinched and their triangles, which go on with their mean velocity. (To hold only
+    these back tears at the sheet: 6 mm in a substep are 60 m/s.) In a SHORT step they are tied instead: what is
+    pinched, the triangles about it and all that these pinch go one way, their mean, with one speed, so that they cannot
+    cross (as rigid impact zones, Provot 1997). Not where the sheet feels itself: its layers keep room between them, and
+    ties might move one through another.
 
     acts, undone, tied, leaks: totals of particles caught, once each in a step, of steps taken back, of particles tied,
     and of crossings left (0-D, i32).

@@ -9,7 +9,7 @@ import numpy as np
 import taichi as ti
 
 from sim import runtime
-from sim.cloth.board import places, private_real
+from sim.cloth.board import place_of, private_real
 from sim.maths.facet import plane_gap
 from sim.scene.puddle import TOUCH, film_height
 
@@ -41,9 +41,11 @@ class Layer:
 
     reads = (
         "fluid.x", "fluid.v", "fluid.mass", "fluid.acceleration", "fluid.pressure_acceleration", "fluid.expected_pull",
-        "fluid.triangle", "fluid.side", "cloth.inv_mass",
+        "fluid.triangle", "fluid.side", "cloth.v", "cloth.inv_mass",
     )  # fmt: skip
-    writes = ("fluid.x", "fluid.v", "fluid.expected_pull", "fluid.triangle", "cloth.push_front", "cloth.push_back")
+    writes = (
+        "fluid.x", "fluid.v", "fluid.expected_pull", "fluid.triangle", "cloth.v", "cloth.push_front", "cloth.push_back",
+    )  # fmt: skip
 
     def __init__(self, build, sheet):
         state, config = build.state, build.config
@@ -65,9 +67,9 @@ class Layer:
         self.count, self.touched = ti.field(ti.i32, shape=()), ti.field(ti.i32, shape=())
         self.elapsed = ti.field(self.real, shape=())
         self.few = runtime.few(self.push_front.shape[0] // 5)
-        triangles = np.asarray(build.scene.sheet.triangles)
+        triangles = np.asarray(build.scene.sheet.triangles, np.int32)
         self.corner = ti.Vector.field(3, ti.i32, shape=len(triangles))
-        self.corner.from_numpy(places(triangles, build.scene.sheet.shape))
+        self.corner.from_numpy(place_of(triangles, build.scene.sheet.shape[1]))
         self.rubs = ti.field(ti.i32, shape=capacity)
         self.row, self.at = ti.field(ti.i32, shape=capacity), ti.field(ti.i32, shape=capacity)
         self.weight, self.face, self.gap, self.push = (ti.field(self.real, shape=capacity) for _ in range(4))

@@ -72,7 +72,7 @@ class PlaneReflect:
         self._bound()
         self.boxes.build(self.low, self.high)
         self._reflect()
-        self.boxes.build(self.sheet.low, self.sheet.high)
+        self.sheet.sort()
         self.catch.find()
         self.catch.count_leaks()
 

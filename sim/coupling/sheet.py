@@ -88,7 +88,7 @@ class SheetGeometry:
     def _bound_water(self):
         """The box of all particles, larger by two `reach`: by one that they see, and by one that they or it may go."""
         low, high = tm.vec3(1e30), tm.vec3(-1e30)
-        for i in range(self.count[None]):
+        for i in range(self.count[None]):  # by ti.min: what is carried from turn to turn, less makes slower here
             low, high = ti.min(low, self.rows[i]), ti.max(high, self.rows[i])
         self.water[0], self.water[1] = low - 2.0 * self.reach, high + 2.0 * self.reach
 
