@@ -34,7 +34,7 @@ class Board:
         self.real = private_real()
         self.numpy_real = np.float32 if self.real == ti.f32 else np.float64
         self.ni, self.nj = shape
-        self.pitch = place_of(self.nj, self.nj)  # where the second row begins
+        self.pitch = pitch_of(self.nj)
         self.half = self.ni * self.pitch + LANES
         self.bands = -(-self.ni // LANES)
         self.whole = self.half + self.nj * LANES + LANES
@@ -53,7 +53,7 @@ class Board:
     @ti.func
     def place(self, node):
         """Where node i*nj + j stands on the board."""
-        return place_of(node, self.nj)
+        return place_of(node, self.nj, self.pitch)
 
     @ti.func
     def get(self, field: ti.template(), at):
@@ -117,10 +117,15 @@ class Board:
                     self.w[far] = self.w[near]
 
 
+def pitch_of(nj: int) -> int:
+    """Places from one row of nj nodes to the next."""
+    return LANES * (nj // LANES + 1)
+
+
 @ti.pyfunc
-def place_of(node, nj):
-    """Where node i*nj + j of a sheet with rows of nj stands on its board; nodes in a NumPy array, too.
+def place_of(node, nj, pitch):
+    """Where node i*nj + j stands on a board; nodes in a NumPy array, too.
 
     What asks in each substep looks it up: dividing takes a third of the time that a contact takes.
     """
-    return node // nj * (LANES * (nj // LANES + 1)) + node % nj
+    return node // nj * pitch + node % nj

@@ -3,7 +3,7 @@
 import numpy as np
 import taichi as ti
 
-from sim.cloth.board import place_of
+from sim.cloth.board import pitch_of, place_of
 from sim.constants import AIR_DENSITY
 from sim.stage import Build
 
@@ -24,10 +24,10 @@ class Wind:
     reads, writes = ("cloth.x", "cloth.v"), ()
 
     def __init__(self, build: Build):
-        sheet = build.scene.sheet
+        sheet, nj = build.scene.sheet, build.scene.sheet.shape[1]
         self.parts, self.wind = build.parts, tuple(build.config.space.wind)
         self.corner = ti.Vector.field(3, ti.i32, len(sheet.triangles))
-        self.corner.from_numpy(place_of(np.asarray(sheet.triangles, np.int32), sheet.shape[1]))
+        self.corner.from_numpy(place_of(np.asarray(sheet.triangles, np.int32), nj, pitch_of(nj)))
         build.parts.setdefault("guests", []).append(self)
 
     def begin(self, dt: float) -> None:

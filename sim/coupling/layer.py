@@ -9,7 +9,7 @@ import numpy as np
 import taichi as ti
 
 from sim import runtime
-from sim.cloth.board import place_of, private_real
+from sim.cloth.board import pitch_of, place_of, private_real
 from sim.maths.facet import plane_gap
 from sim.scene.puddle import TOUCH, film_height
 
@@ -67,9 +67,9 @@ class Layer:
         self.count, self.touched = ti.field(ti.i32, shape=()), ti.field(ti.i32, shape=())
         self.elapsed = ti.field(self.real, shape=())
         self.few = runtime.few(self.push_front.shape[0] // 5)
-        triangles = np.asarray(build.scene.sheet.triangles, np.int32)
+        triangles, nj = np.asarray(build.scene.sheet.triangles, np.int32), build.scene.sheet.shape[1]
         self.corner = ti.Vector.field(3, ti.i32, shape=len(triangles))
-        self.corner.from_numpy(place_of(triangles, build.scene.sheet.shape[1]))
+        self.corner.from_numpy(place_of(triangles, nj, pitch_of(nj)))
         self.rubs = ti.field(ti.i32, shape=capacity)
         self.row, self.at = ti.field(ti.i32, shape=capacity), ti.field(ti.i32, shape=capacity)
         self.weight, self.face, self.gap, self.push = (ti.field(self.real, shape=capacity) for _ in range(4))
